@@ -45,8 +45,8 @@ MAX_RESIDUAL = 1e-4
 load. Beyond this limit, the Taylor series that follows is not accurate, and the load is refused."""
 
 MIN_STEP_SQUARED = 1e-18
-"""Square of the last Newton step in ln f_n (the logarithm of the normal force), below which the curvature of the torque
-counts as 0. The difference quotient for the curvature would be 0 / 0 at a step of 0."""
+"""If the square of the last Newton step in ln f_n (the logarithm of the normal force) is below this value, the
+curvature of the torque counts as 0. The difference quotient for the curvature would be 0 / 0 at a step of 0."""
 
 
 class WheelLoads(NamedTuple):
@@ -74,6 +74,7 @@ def bound_law(angles: FixedAngles | SinkageAngles) -> ca.Function:
     load, slip_limit, wheel, soil = unpack_inputs(x)
     # The logarithm of the load stays finite for a lifted wheel; `contact_share` takes its torque to 0.
     log_load = ca.log(ca.sqrt(ca.fmax(load, 0.0) ** 2 + LOAD_FLOOR**2))
+    # Both bounds are torques of one wheel under one load; only the mobilised fraction of the soil's strength differs.
     solve = _torque_at_fixed_angles if isinstance(angles, FixedAngles) else _torque_at_sinkage
     solutions = [solve(law, log_load, wheel, soil, x) for law in (full_shear, driving_shear(slip_limit, wheel, soil))]
     # Product rule for share(W) T(ln W), so that the derivatives by the load are exact.
@@ -127,8 +128,8 @@ def _torque_at_fixed_angles(law: ShearLaw, log_load: Scalar, wheel: Wheel, soil:
 
 
 def _torque_at_sinkage(law: ShearLaw, log_load: Scalar, wheel: Wheel, soil: Soil, x: ca.SX) -> WheelLoads:
-    """Return the torque of a wheel at the entry angle for which the soil carries the load exp(`log_load`) [N], by
-    Newton's method.
+    """Return the torque of a wheel at the entry angle where the soil carries the load exp(`log_load`) [N], by Newton's
+    method.
 
     A Taylor series of second order extrapolates the torque from the last Newton iterate to the given load.
     """
@@ -166,8 +167,7 @@ def _evaluate_arc(law: ShearLaw, nodes: int, wheel: Wheel, soil: Soil, x: ca.SX)
 
 
 def contact_share(load: Scalar) -> Scalar:
-    """Return the factor by which the torque bounds of a wheel are multiplied: 0 for a lifted wheel, nearly 1 for a
-    wheel under a load [N].
+    """Return the factor of the torque bounds of a wheel: 0 for a lifted wheel, nearly 1 for a wheel under a load [N].
 
     In between, the factor is twice differentiable in the load, so that a controller may differentiate the torque bounds
     where a wheel lifts. For a load well above `LOAD_FLOOR`, it is about 1 - 1.5 (LOAD_FLOOR / load)^2.

@@ -24,7 +24,7 @@ steering mechanisms reach no larger angle."""
 
 @dataclass(frozen=True)
 class ConstantDuty(Record):
-    """A controller without feedback: all wheels have the same constant duty delta and are steered straight ahead.
+    """A controller without feedback: all wheels have one constant duty delta and are steered straight ahead.
 
     Source: section 5 of the paper, delta = 0.55.
 
@@ -67,7 +67,7 @@ class ConstantCommand:
 
 @dataclass(frozen=True)
 class Turn(ConstantCommand):
-    """Constant duties and steering angles with which all wheels turn about one centre on the rover's lateral axis.
+    """Constant duties and steering angles that turn all wheels about one centre on the rover's lateral axis.
 
     The centre lies at the distance `radius` to the left of the base. A negative radius turns to the right, and 0 turns
     on the spot. Along the rover, the centre lies at the mean x of the wheels that do not steer. A wheel at (x, y)
@@ -93,6 +93,7 @@ class Turn(ConstantCommand):
         """
         # At unit yaw rate, the body's speed is the radius, so the wheel speeds are proportional to the duties.
         speeds, rolled = rolling(turning_places(rover).tolist(), steers(rover), BodyMotion(radius, 1.0))
+        # The message names the wheel that would have to steer most.
         names = [wheel.name for wheel in rover.wheels if wheel.steer_dof is not None]
         angles = dict(zip(names, rolled, strict=True))
         worst = max(angles, key=lambda name: abs(angles[name]), default="")
@@ -109,8 +110,8 @@ class Turn(ConstantCommand):
 
 @dataclass(frozen=True)
 class Crab(ConstantCommand):
-    """A constant duty and one steering angle for all wheels, with which the rover drives at an angle to its heading
-    without turning.
+    """A constant duty and one steering angle for all wheels. The rover drives at this angle to its heading without
+    turning.
 
     Wheels that cannot steer are dragged along, and reduce the angle between the direction of travel and the heading.
     """
@@ -123,7 +124,7 @@ class Crab(ConstantCommand):
         angle: Annotated[float, spec("rad", "assumed; to the left", -MAX_STEER, MAX_STEER)] = math.radians(20.0),
         delta: Annotated[float, spec("", "paper, section 5", -1.0, 1.0)] = 0.55,
     ) -> Self:
-        """Return the controller with which a rover crabs: all wheels steer by `angle` [rad], positive to the left, and
+        """Return the controller that makes a rover crab: all wheels steer by `angle` [rad], positive to the left, and
         have the duty `delta`.
 
         Raises ParameterError: no wheel of the rover steers.

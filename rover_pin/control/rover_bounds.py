@@ -32,7 +32,7 @@ this slope, the search returns this limit."""
 
 @dataclass(frozen=True)
 class RoverBounds:
-    """The torque bounds of all wheels of a rover that stands on a slope or climbs it steadily.
+    """The torque bounds of all wheels of a rover at rest on a slope, or on a steady climb.
 
     All arrays have one value for each wheel, in the order of `names`.
     """
@@ -68,7 +68,7 @@ class RoverBounds:
 
         If a motor is given, `margin_sat` and `margin_lim` are its stall torque divided by T_sat, the torque at which
         the soil fails, and by T_lim, the torque at the slip limit. If a margin is above 1, the motor can exceed this
-        bound. `duty_lim` is the duty at which the motor of a standing wheel has the torque T_lim.
+        bound. `duty_lim` is the duty at which the motor of a wheel at rest has the torque T_lim.
         """
         table: list[dict[str, Any]] = [
             {
@@ -84,6 +84,7 @@ class RoverBounds:
             }
             for i, name in enumerate(self.names)
         ]
+        # With a motor, the table also shows by which factor its stall torque exceeds each bound.
         if motor is not None:
             stall = float(motor.stall_torque)
             for row in table:
@@ -103,7 +104,7 @@ def rover_torque_bounds(
     gravity: float = EARTH,
     limit: TractionLimit = DEFAULT_LIMIT,
 ) -> RoverBounds:
-    """Return the torque bounds of each wheel of a rover that stands on a slope or climbs it steadily.
+    """Return the torque bounds of each wheel of a rover at rest on a slope, or on a steady climb.
 
     The loads of the wheels follow from the static balance of the rover (section 4 of the paper), and the bounds from
     `torque_bounds` for these loads.
@@ -129,7 +130,7 @@ def rover_torque_bounds(
         soft for a load.
 
     Source: sections 4 and 5 of the paper. Differs from the paper: the paper gives no formula for the bound. The static
-    balance assumes the same ratio of pull to normal force for all wheels. In a drive, the wheels share the pull
+    balance assumes one common ratio of pull to normal force for all wheels. In a drive, the wheels share the pull
     unevenly and their loads differ from these static loads, so that a controller should keep a margin to the bound.
 
     Examples
@@ -148,6 +149,7 @@ def rover_torque_bounds(
             f"'{rover.name}' lifts these wheels: {', '.join(lifted)} (static load {float(np.min(loads)):.2f} N). "
             "Torque bounds need all wheels on the ground; choose a gentler slope."
         )
+    # The bounds depend on the load and the size of each wheel, so they are computed wheel by wheel.
     wheels = [mount.wheel for mount in rover.wheels]
     bounds = TorqueBounds(wheels, soil, limit.slip, limit.angles)(loads)
     pulls = _pulls(rover, soil, loads, limit)
@@ -172,7 +174,7 @@ def climbable_slope(
     than the limit. A result is negative if the pulls are too small even on level ground. The search is limited to
     slopes from -40 to 40 deg.
 
-    Parameters and errors are the same as for `rover_torque_bounds`.
+    For parameters and errors, see `rover_torque_bounds`.
     """
     full, slipping = (_root(_spare_pull(which, rover, soil, limit, gravity)) for which in (0, 1))
     return full, slipping
@@ -201,7 +203,7 @@ def driven_slope(
     Parameters
     ----------
     rover, soil, limit, gravity
-        The same as for `rover_torque_bounds`.
+        See `rover_torque_bounds`.
     R : float
         Motion resistance divided by the load [-].
     motor : Motor, optional
@@ -224,9 +226,9 @@ def _spare_pull(
     """Return a function slope [rad] -> spare pull [N]: the pull of the rover minus the pull that it needs to climb this
     slope.
 
-    If `which` is 0, the pull of the rover is that of fully sheared soil; if `which` is 1, it is the pull at the slip
-    limit. R is the motion resistance divided by the load, and `max_pull` the largest pull that the motor of each wheel
-    allows [N].
+    If `which` is 0, the pull of the rover is its pull on fully sheared soil; if `which` is 1, it is the pull at the
+    slip limit. R is the motion resistance divided by the load, and `max_pull` the largest pull that the motor of each
+    wheel allows [N].
     """
 
     def spare_at(slope: float) -> float:
@@ -262,8 +264,8 @@ def bounds_report(
     """Return a rover's torque bounds on a slope, and the slopes that it can climb, as plain values for a JSON file.
 
     The dict has the settings, the slopes that the rover climbs at a slip of 1 and at the slip limit (`driven_slope`),
-    and under the key `wheels` the rows of `RoverBounds.rows`. Parameters and errors are the same as for
-    `rover_torque_bounds` and `driven_slope`.
+    and under the key `wheels` the rows of `RoverBounds.rows`. For parameters and errors, see `rover_torque_bounds` and
+    `driven_slope`.
     """
     bounds = rover_torque_bounds(rover, soil, slope, gravity=gravity, limit=limit)
     # At S = 1, the pull is the largest that the soil gives in driving.
@@ -290,7 +292,7 @@ def bounds_of_model(model: Model, slip: float, slope: float = 0.0) -> tuple[Rove
     `bounds_report`.
 
     The bounds are for the slip limit `slip` on the first soil of the model. The contact angles, the traction factor,
-    the motor and the motion resistance are those of the model.
+    the motor and the motion resistance are taken from the model.
     """
     # The settings of the bounds follow the model, so that they agree with its simulated drives.
     traction, soil = model.effect(SoilTraction), model.soils[0]
@@ -309,6 +311,7 @@ def bounds_table(bounds: RoverBounds, motor: Motor | None = None) -> str:
     head = f"{'wheel':>5} {'W/N':>7} {'T_lim/mNm':>10} {'T_sat/mNm':>10} {'pull_lim/N':>11} {'pull_sat/N':>11}"
     tail = f" {'stall/T_lim':>12} {'stall/T_sat':>12} {'duty at T_lim':>14}" if motor else ""
     lines = [head + tail]
+    # Torques are printed in mN m, because the bounds of small wheels are far below 1 N m.
     for row in bounds.rows(motor):
         line = (
             f"{row['wheel']:>5} {row['load_N']:7.2f} {1e3 * row['T_lim_Nm']:10.1f} {1e3 * row['T_sat_Nm']:10.1f} "

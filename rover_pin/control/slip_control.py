@@ -31,7 +31,7 @@ INTEGRAL_FADE = 0.005
 excess, the integral slows down gradually, because a sudden stop would make the duty chatter at the limit."""
 
 MIN_BRAKING_RATIO = 0.05
-"""Minimum ratio of rim speed to travel speed of a braking wheel [-] with which its travel speed is computed. A smaller
+"""Minimum ratio of rim speed to travel speed of a braking wheel [-] for the computation of its travel speed. A smaller
 ratio is replaced by this value, because the travel speed of a locked wheel would be the rim speed 0 divided by 0."""
 
 
@@ -64,7 +64,7 @@ class HoleLaw(Record):
     wheel separately. S_d is the desired slip without a hole, S_deep the desired slip in a deep hole, and r the radius
     of the wheel.
 
-    On firm ground, a wheel may slip as much as the thrust needs. In a deep hole it may slip less, so that it digs no
+    On firm ground, the thrust alone decides the slip of a wheel. In a deep hole it may slip less, so that it digs no
     deeper. The depth D [m] is an estimate, either from `DiggingMemory` with the wheel's slip and rim speed, or from a
     `SlipEstimate` that has an attribute `hole`. The depths at which S_d decreases are in units of r, because a wheel
     counts as buried at r / 2.
@@ -231,6 +231,7 @@ class SlipControl:
             ratios = [float(speed_ratio(S)) for S in np.maximum(S_hat, MIN_BRAKING_RATIO - 1.0).tolist()]
             travel = np.asarray(self.hole.r * reading.wheel_rate * ratios)
         inputs = (S_hat, self.integral, self.limit.duty(reading), reading.wheel_rate, travel, self.depth)
+        # The law is evaluated for all wheels at once, with one column of inputs for each wheel.
         gains = [float(value) for value in self.gains.values().values()]
         law = _all_wheels_law(len(S_hat), self.hole)
         duty, rate, deepening = np.array(law(np.vstack(np.broadcast_arrays(*inputs)), gains))
@@ -261,6 +262,7 @@ class SlipControl:
         # The compiled loop works on these arrays: the control continues from its memory, and keeps it afterwards.
         self.integral, self.depth = (np.full(wheels, memory, dtype=float) for memory in (self.integral, self.depth))
         gains = [float(value) for value in self.gains.values().values()]
+        # Only an estimate by Eq (9) needs a table; the compiled loop knows the true slip itself.
         table = self.estimate.native() if isinstance(self.estimate, TableEstimate) else None
         return CompiledController(
             slip=SlipLaw(_wheel_law(self.hole), gains, self.integral, self.depth, self.period, table),
@@ -277,7 +279,7 @@ because it is taken from the rover that is driven."""
 def save_gains(gains: Gains, path: str | Path, comment: str = "", hole: HoleLaw | None = None) -> Path:
     """Write gains, and the hole law if one is given, to a TOML file. Return the path of the file.
 
-    The file begins with `comment`, each line of which becomes a comment line of TOML.
+    The file begins with `comment`; each of its lines becomes a comment line of TOML.
     """
     # The wheel radius is left out of the hole law, because it belongs to the rover that will use the gains.
     table: dict[str, Any] = {name: float(value) for name, value in gains.values().items()}

@@ -20,8 +20,8 @@ from rover_pin.simulation.simulate import simulate
 from rover_pin.terrain.shapes import flat
 
 MIN_RIM_SPEED = 1e-3
-"""Minimum rim speed with which the slip estimate of Eq (9) is evaluated [m/s]. Eq (9) divides by the rim speed; a
-slower rim counts as having this speed."""
+"""Minimum rim speed in the slip estimate of Eq (9) [m/s]. Eq (9) divides by the rim speed; a slower rim counts as
+having this speed."""
 
 
 class SlipEstimate(Protocol):
@@ -58,7 +58,7 @@ class TrueSlip:
 class SpeedTable:
     """The empirical table of section 5 of the paper: the steady speed of the rover for each duty.
 
-    The speed is linear in the duty between the entries of the table. A negative duty has the negative speed of the same
+    The speed is linear in the duty between the entries of the table. A negative duty has the negative speed of the
     positive duty.
 
     Raises ParameterError: the duties do not increase, or the numbers of duties and speeds differ.
@@ -87,7 +87,7 @@ class TableEstimate:
 
     r is the wheel radius, delta the duty that is now applied, omega the measured wheel rate, and v_hat the speed that
     the table gives for the duty. The estimate uses neither the true speed nor the load. A wheel that spins under load
-    turns more slowly at the same duty, so that its estimated slip is too small. Differs from the paper: |r omega| is at
+    turns more slowly at a given duty, so that its estimated slip is too small. Differs from the paper: |r omega| is at
     least 1 mm/s, and S_hat is clipped to [-1, 1].
     """
 
@@ -128,6 +128,7 @@ def calibrated_table(model: Model, duties: Sequence[float] = CALIBRATION_DUTIES)
 
     Raises ParameterError: a higher duty does not give a higher speed, for example because the soil buries the rover.
     """
+    # The table begins at rest, so that small duties are interpolated from zero.
     speeds = [0.0]
     for duty in duties:
         trace = simulate(model, ConstantDuty(duty), CALIBRATION_TIME, measure_error=False)

@@ -43,7 +43,7 @@ class Bounds(NamedTuple):
 
 
 class WheelBounds(NamedTuple):
-    """The torque bounds of n wheels, and the derivative of each bound with respect to the load of the same wheel."""
+    """The torque bounds of n wheels, and the derivative of each wheel's bound with respect to its own load."""
 
     saturation: np.ndarray
     "T_sat of each wheel (n,) [N m], the torque at which the soil fails"
@@ -125,12 +125,12 @@ class TorqueBounds:
     """The torque bounds of n wheels on one soil, prepared for fast evaluation in a control loop.
 
     A call `bounds(loads)` returns the `WheelBounds` for the loads (n,) [N]. If there is a C compiler, the function is
-    compiled on first use, and `compiled` is True. Otherwise CasADi interprets the same function, which is slower.
+    compiled on first use, and `compiled` is True. Otherwise CasADi interprets the function, which is slower.
 
     Parameters
     ----------
     wheels : sequence of Wheel
-        The wheels, in the order in which their loads will be given.
+        The wheels, in the order of the loads that will be given.
     soil : Soil
         Constants of the soil.
     slip_limit : float
@@ -189,6 +189,7 @@ class TorqueBounds:
         Raises ParameterError: the number of loads differs from the number of wheels, or a load is negative, not finite,
         or too large for the soil.
         """
+        # The loads are written into the arrays that the function reads, so nothing is copied.
         try:
             self._loads[:] = loads
         except (TypeError, ValueError):
@@ -197,6 +198,7 @@ class TorqueBounds:
                 "numbers [N], one for each wheel."
             ) from None
         self._run()
+        # The function counts the wheels that no entry angle carries; their bounds are meaningless.
         if self._refused[0]:
             _refuse(self._loads.tolist(), self.wheels, self.soil)
         return WheelBounds(*self._outputs.copy())
@@ -241,6 +243,7 @@ def _check_slip_limit(slip_limit: Scalar) -> None:
 
 def _refuse(loads: Sequence[float], wheels: Sequence[Wheel], soil: Soil) -> None:
     """Raise the ParameterError that states which of the loads has no torque bound, and why."""
+    # The simple faults of a load are reported first: a missing number, and a negative load.
     for i, load in enumerate(loads):
         where = f"load[{i}]" if len(loads) > 1 else "load"
         if not math.isfinite(load):
@@ -262,8 +265,8 @@ def _refuse(loads: Sequence[float], wheels: Sequence[Wheel], soil: Soil) -> None
 
 @dataclass(frozen=True)
 class TractionLimit:
-    """Settings with which the pull of a wheel at its torque bounds is computed: slip limit, definition of the
-    load-traction factor, and contact angles.
+    """Settings for the pull of a wheel at its torque bounds: slip limit, definition of the load-traction factor, and
+    contact angles.
     """
 
     slip: float = SLIP_LIMIT
@@ -334,6 +337,7 @@ def pull_at_bounds(load: Scalar, soil: Soil, wheel: Wheel, limit: TractionLimit 
         else:
             theta_1 = entry_angle(load, limit.slip, wheel, soil, state=state)
             theta_2 = -soil.exit_ratio * theta_1
+        # The stresses along this arc give the forces, and the chosen definition makes the traction factor of them.
         soil_forces = forces(theta_1, theta_2, state(limit.slip, wheel, soil), wheel, soil, entry_graded(FINAL_NODES))
         factor = limit.form.factor(soil_forces, wheel, limit.slip)
         pulls.append(Pull(factor * load, factor, ca.atan(factor)))

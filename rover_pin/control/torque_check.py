@@ -44,7 +44,7 @@ class NoLimit:
 @brief
 @dataclass(frozen=True)
 class TorqueLimit:
-    """A limit of the duty, with which the torque of each motor stays below a bound T(W) of the soil under its wheel.
+    """A limit of the duty that keeps the torque of each motor below a bound T(W) of the soil under its wheel.
 
     The limit is |delta| <= (T + K^2 |omega| / R) / (K V / R), where delta is the duty, omega the rate of the wheel, and
     K, R and V are the torque constant, the resistance and the supply voltage of the motor. W is the static load of each
@@ -54,8 +54,8 @@ class TorqueLimit:
 
     - `saturation` is the paper's check, "if the resultant torque will exceed the maximum share". It uses T_sat, the
       torque if the shear stress equals the soil's strength, Eq (3), along the whole contact arc. A wheel in steady
-      motion does not reach T_sat: the largest torque with which the soil resists is its torque at a slip of 1, which is
-      far below T_sat if the shear displacement modulus k is large. This check then acts only while a wheel accelerates.
+      motion does not reach T_sat: the largest torque of the soil is its torque at a slip of 1, which is far below T_sat
+      if the shear displacement modulus k is large. This check then acts only while a wheel accelerates.
     - `at_slip` uses the torque at a slip limit. A wheel that turns steadily below this torque slips less than the
       limit.
 
@@ -64,7 +64,7 @@ class TorqueLimit:
     estimated by Eq (9), which does not depend on the true slip, `at_slip` prevents more burials and costs some distance
     (studies/digging.py).
 
-    Differs from the paper: the paper does not state how the check is computed, and computes W from link angles as well.
+    Differs from the paper: the paper does not state how the check is computed, and also computes W from link angles.
     The load W from the pitch alone is less accurate over hills. In a ditch, both loads are inaccurate, because neither
     computation considers the slope of the ground under a wheel. The limit considers the traction law and no other
     effects. For example, on soil that loses strength past a peak (`PostPeak`), a wheel may slip without ever reaching

@@ -16,7 +16,7 @@ this position."""
 MAX_TRAVELLING_SLIP = 0.95
 """Maximum slip at which `pull_factors` evaluates the pull [-]. A larger slip gets the pull at this slip."""
 WHEELS_BEFORE = 1
-"""Number of wheels that have passed the same ground before this wheel, as for a wheel of the middle axle. Effects of
+"""Number of wheels that have passed the ground before this wheel, as for a wheel of the middle axle. Effects of
 multiple passes need this number."""
 
 
@@ -41,9 +41,9 @@ def pull_factors(model: Model, slips: Sequence[float] | np.ndarray) -> np.ndarra
 
     f_t is the pull of the wheel in its direction of travel, and f_n its normal force.
 
-    The wheel is in the same state as for `torque_factors`. Motion resistances are subtracted. A slip above
-    `MAX_TRAVELLING_SLIP` gets the pull at `MAX_TRAVELLING_SLIP`: a wheel that stands has no motion resistance, and a
-    forecast with this higher pull would predict that every stuck rover comes free.
+    The wheel is in the state that `torque_factors` describes. Motion resistances are subtracted. A slip above
+    `MAX_TRAVELLING_SLIP` gets the pull at `MAX_TRAVELLING_SLIP`: a wheel that does not move has no motion resistance,
+    and a forecast with this higher pull would predict that every stuck rover comes free.
     """
     return np.array(
         [float(load.f_t / load.f_n) for load in _steady_loads(model, np.minimum(slips, MAX_TRAVELLING_SLIP))]

@@ -1,5 +1,5 @@
-"""The cost of a drive, by which a tuning compares gains: lack of progress, slip, energy, sinkage, and whether the drive
-ends stuck or buries a wheel.
+"""The cost of a drive, which a tuning uses to compare gains: lack of progress, slip, energy, sinkage, and whether the
+drive ends stuck or buries a wheel.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ TAIL = 3.0
 """Length of the last part of a drive [s]. The mean speed in this part decides whether the drive counts as ending
 stuck."""
 STUCK_SPEED = 0.02 * CRUISE_SPEED
-"""Mean speed in the last part of a drive below which the rover counts as stuck [m/s]. The limit is 1 mm/s, because at a
-wall some rovers crawl at 2 mm/s and still get out."""
+"""Minimum mean speed in the last part of a drive [m/s]. A slower rover counts as stuck. The limit is 1 mm/s, because at
+a wall some rovers crawl at 2 mm/s and still get out."""
 STUCK_WIDTH = 0.2 * STUCK_SPEED
-"""Width [m/s] of the smooth step by which the reduced model decides whether a rover is stuck. The complete simulation
+"""Width [m/s] of the smooth step that decides in the reduced model whether a rover is stuck. The complete simulation
 decides by the sharp limit `STUCK_SPEED`."""
 BURIED_WIDTH = 0.01
-"""Width of the smooth step by which the reduced model decides whether a wheel is buried, as a ratio h / r of sinkage to
+"""Width of the smooth step that decides in the reduced model whether a wheel is buried, as a ratio h / r of sinkage to
 wheel radius. The complete simulation decides by the sharp limit `Model.buried` for this ratio."""
 
 
 @dataclass(frozen=True)
 class Cost(Record):
-    """The weights of the cost J of a drive, by which a tuning compares gains.
+    """The weights of the cost J of a drive. A tuning compares gains by this cost.
 
         J = progress (1 - x / (v_c T)) + slip mean(S^2) + energy E / (m g v_c T) + sinkage mean(h / r) + stuck
 
@@ -75,8 +75,8 @@ class Cost(Record):
         return (1.0 - self.worst) * np.mean(costs, axis=-1) + self.worst * np.max(costs, axis=-1)
 
     def choice(self, scores: np.ndarray) -> np.ndarray:
-        """Return the cost by which gains are chosen, from the scores of several drives, an array (..., drives, fields
-        of a score).
+        """Return the cost for the choice of gains, from the scores of several drives, an array (..., drives, fields of
+        a score).
 
         Every burial adds the sum of all weights to the common cost of the drives, so that one burial outweighs all
         other costs.
@@ -90,7 +90,7 @@ class Cost(Record):
 
 
 class Score(NamedTuple):
-    """The score of one drive: the quantities from which `Cost` computes its cost."""
+    """The score of one drive: the quantities that `Cost` computes its cost from."""
 
     progress: Scalar
     """travelled distance along x divided by the distance of an undisturbed cruise [-]"""
@@ -117,10 +117,12 @@ def score_trace(trace: Trace, model: Model, duration: float) -> Score:
 
     `duration` is the planned duration [s]. A drive that ended earlier counts as stuck.
     """
+    # A drive that ended at once has no progress and counts as stuck; nothing can be averaged over it.
     if len(trace.t) < 2:
         return Score(progress=0.0, slip=1.0, energy=0.0, stuck=1.0, sinkage=float(model.buried), buried=0.0)
     x, energy = trace.need("body_x", "energy_electric")
     before_tail = float(np.interp(trace.t[-1] - TAIL, trace.t, x))
+    # A drive may end early because of a failure, or end slowly at a wall; both count as stuck.
     stopped_early = trace.t[-1] < duration - 0.1
     slow = (x[-1] - before_tail) / TAIL < STUCK_SPEED
     cruise_distance = CRUISE_SPEED * duration
@@ -131,6 +133,8 @@ def score_trace(trace: Trace, model: Model, duration: float) -> Score:
     missing_share = max(duration - trace.t[-1], 0.0) / duration
     sinkage = (1.0 - missing_share) * float(np.mean(sunk)) + missing_share * float(sunk[-1])
     buried = str(trace.attrs.get("stop", "")).startswith("buried")
+    # The energy is compared with the weight times the distance of a cruise, so that rovers of any size have similar
+    # scores.
     spent = float(energy[-1]) / (weight * cruise_distance)
     return Score(
         float(x[-1] - x[0]) / cruise_distance, slip, spent, float(stopped_early or slow), sinkage, float(buried)

@@ -46,12 +46,12 @@ CONSTANT_DUTY = "constant"
 TORQUE_CHECK = "limit"
 """Value of `Control.estimate` for the control with a constant duty and the torque check, which has no slip estimate."""
 HOLE_NAMES = tuple(name for name in quantities(HoleLaw) if name != "r")
-"""Names of the numbers of a hole law, in the order of `Control.hole`. The radius r is left out, because it is the wheel
+"""Names of the numbers of a hole law, in the order of `Control.hole`. The radius r is missing, because it is the wheel
 radius of the rover that is driven."""
 
 
 class Control(NamedTuple):
-    """A control as plain values, so that it can be a part of the key under which the result of a drive is kept.
+    """A control as plain values, so that it can be a part of the key of a drive's stored result.
 
     The control is a slip control, a constant duty, or a constant duty with the torque check.
     """
@@ -80,14 +80,17 @@ class Control(NamedTuple):
         return Gains(**dict(zip(GAIN_NAMES, self.gains, strict=True)))
 
     def controller(self, model: Model) -> Controller:
-        """Return the controller for the full rover of a model, the same that a scenario with this control would use.
+        """Return the controller for the full rover of a model. A scenario with this control would use an equal
+        controller.
 
         If the slip estimate reads sensors, the controller gets readings with noise.
         """
+        # The two controls without a slip estimate use only the cruise duty of the gains.
         if self.estimate == CONSTANT_DUTY:
             return ConstantDuty(self.gains_record.delta_0)
         if self.estimate == TORQUE_CHECK:
             return TorqueLimited(ConstantDuty(self.gains_record.delta_0), TorqueLimit.at_slip(model))
+        # A slip control is made by the settings of a scenario, so that both have one implementation.
         numbers = dict(zip(GAIN_NAMES, self.gains, strict=True))
         numbers |= {f"{HOLE_PREFIX}{name}": value for name, value in zip(HOLE_NAMES, self.hole, strict=False)}
         words = {"control": self.estimate, "control.aim": "hole" if self.hole else "constant"}
@@ -111,6 +114,7 @@ def build(case: DriveCase) -> Scenario:
     concerns the control, which the tuning itself sets. Raises DataError: the model file cannot be read, or has changed
     since the tuning began.
     """
+    # A result of an earlier run must not be mixed with results on a changed model file.
     refuse_other_model(case)
     try:
         for name, _ in case.settings:
@@ -134,6 +138,7 @@ def cautions(cases: Sequence[DriveCase]) -> tuple[str, ...]:
     """Return sentences about effects that the models of these drives have, but that the reduced model, or every drive
     of the tuning, leaves out.
     """
+    # Both lists have every name once, because many drives share a model.
     models = [build(case).model for case in cases]
     omitted = sorted({name for model in models for name in omitted_effects(model)})
     sensed = sorted({type(effect).__name__ for model in models for effect in model.sensor_effects})
@@ -230,8 +235,8 @@ def reduced_errors(case: DriveCase, control: Control) -> list[float]:
 
 
 def seal(study: TuningStudy) -> TuningStudy:
-    """Return a copy of the study in which each drive has a digest of its model file, by which a later change of the
-    file is detected.
+    """Return a copy of the study with a digest of the model file in each drive. The digest reveals a later change of
+    the file.
 
     Raises DataError or UrdfError: a model file, or a file that it names, cannot be read.
     """
@@ -255,6 +260,7 @@ def digest(file: str | Path) -> str:
     Raises DataError: one of these files cannot be read.
     """
     hasher = hashlib.sha1()
+    # The length is hashed with the content, so that moving bytes from one file to the next changes the digest.
     for part in model_files(file):
         try:
             raw = content(part)

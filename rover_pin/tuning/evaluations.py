@@ -19,9 +19,9 @@ this stage that are finished, and their total."""
 
 
 class Evaluations:
-    """A runner of evaluations, i.e. of calls `function(*arguments)` that return a list of floats.
+    """A runner of evaluations. An evaluation is a call `function(*arguments)` that returns a list of floats.
 
-    The calls run in parallel. Each result is written to a file before it is used. When the same evaluation is requested
+    The calls run in parallel. Each result is written to a file before it is used. When an equal evaluation is requested
     again, also by a later process, its result is read from the file.
 
     Parameters
@@ -61,7 +61,7 @@ class Evaluations:
         """Return the results of `function(*job)` for all jobs, in their order. Only jobs without a kept result are
         computed.
 
-        `stage` is the name of the stage of the tuning under which progress is reported.
+        `stage` is the name of the stage of the tuning, for the report of progress.
         """
         # Equal jobs have one key, so that each is computed once.
         keys = [key_of(function, job) for job in jobs]
@@ -80,7 +80,7 @@ class Evaluations:
         return [self.known[key] for key in keys]
 
     def resume_hint(self) -> str:
-        """Return a sentence for a user who has stopped the tuning: how many evaluations are kept, and how to
+        """Return a sentence for a user who has stopped the tuning: the number of stored evaluations, and how to
         continue.
         """
         if self.file is None or not self.known:
@@ -89,10 +89,10 @@ class Evaluations:
 
 
 def key_of(function: Callable[..., Any], job: tuple[Any, ...]) -> str:
-    """Return the key under which the result of an evaluation is kept.
+    """Return the key of the stored result of an evaluation.
 
-    The key is a digest of the package's code, of the file in which the function is defined, and of all arguments. After
-    the code or an argument has changed, the kept result is therefore not used again.
+    The key is a digest of the package's code, of the file that defines the function, and of all arguments. After the
+    code or an argument has changed, the kept result is therefore not used again.
     """
     file = inspect.getsourcefile(function)
     code = key_of_code([Path(file)] if file else [])
@@ -106,6 +106,7 @@ def _read(file: Path) -> dict[str, list[float]]:
     Raises DataError: the file cannot be used or is damaged.
     """
     journal = Journal(file)
+    # A killed process may have left a partial line, which is removed before new results are appended.
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         journal.repair()

@@ -52,7 +52,7 @@ HELD_OUT_TERRAINS: Terrains = {
     "rocks": [{"terrain.seed": 2}],
 }
 """TRAINING_TERRAINS and HELD_OUT_TERRAINS are the terrains of the training drives and of the held-out drives in a
-tuning for which the user gives no study. They have the same scenarios with different settings."""
+tuning without a study of the user. Both have equal scenarios with different settings."""
 
 
 def default_drives(terrains: Terrains) -> tuple[DriveCase, ...]:
@@ -67,7 +67,7 @@ def default_drives(terrains: Terrains) -> tuple[DriveCase, ...]:
 
 
 COVERAGE = 0.90
-"""Probability with which the interval of a prediction contains the true rover's value."""
+"""Probability that the interval of a prediction contains the true rover's value."""
 DEFAULT_STUDY = TuningStudy(
     "usual grounds",
     default_drives(TRAINING_TERRAINS),
@@ -78,16 +78,16 @@ DEFAULT_STUDY = TuningStudy(
     estimate="onboard",
     effort=Effort(population=8, generations=5, starts=0, keep=4),
 )
-"""The tuning for which the user gives no study: it tunes the gains and the hole law of the slip control that reads
-on-board sensors only."""
+"""The tuning without a study of the user: it tunes the gains and the hole law of the slip control that reads on-board
+sensors only."""
 
 
 class Prediction(NamedTuple):
     """The prediction of a number for the true rover, with an interval, from its values on models that are equally
     probable.
 
-    The true rover counts as one more draw from the same normal distribution, so that the interval follows from
-    Student's t distribution.
+    The true rover counts as one more draw from the normal distribution of these values, so that the interval follows
+    from Student's t distribution.
     """
 
     mean: float
@@ -112,7 +112,7 @@ class Prediction(NamedTuple):
 
     @property
     def opposite(self) -> Prediction:
-        """The prediction of the same number multiplied by -1."""
+        """The prediction of this number multiplied by -1."""
         return Prediction(0.0 - self.mean, 0.0 - self.high, 0.0 - self.low)
 
     def words(self, unit: str = "", digits: int = 2) -> str:
@@ -131,10 +131,11 @@ class Improvement:
     """predictions of the smallest torque bound of a wheel [N m], and of the slope [deg] that the rover climbs at the
     slip limit SLIP_LIMIT"""
     now: str
-    "name of the control with which the tuned control is compared"
+    "name of the control that the tuned control is compared with"
     gain: dict[str, Prediction]
-    """predicted changes on held-out drives by the tuned control, compared with the control `now`: of the fraction of
-    drives that get through (`through`), of the fraction that bury a wheel (`buried`), and the saved cost (`cost saved`)
+    """predicted changes on held-out drives by the tuned control, compared with the control `now`: change of the
+    fraction of drives that get through (`through`), change of the fraction that bury a wheel (`buried`), and saved cost
+    (`cost saved`)
     """
 
     @property
@@ -160,12 +161,15 @@ class Improvement:
             f"drives that get through by {100 * through.mean:+.0f} %, and the fraction that bury a wheel by "
             f"{100 * buried.mean:+.0f} %, on {drives} held-out drives"
         )
+        # A mean gain that is too small to matter gives the advice to keep the present control, whatever the interval
+        # is.
         if not self.is_worth_it:
             return f"keep {self.now}, because no gain is expected: {change}"
         return f"gain: {change}" if self.is_certain else f"a gain is expected but not certain: {change}"
 
     def summary(self) -> dict[str, Any]:
         """Return the result as plain values, for a table or a JSON file."""
+        # Only numbers that the tuning found are listed; without a hole law there is no such record.
         records = {"gains": self.tuning.gains, "hole law": self.tuning.hole}
         return {
             "gain": self.sentence,
@@ -221,7 +225,7 @@ def improve(
     Improvement
         The benefit compares the tuned control, which reads on-board sensors, with constant duty on held-out drives. Its
         interval covers the models that are consistent with the data. If no benefit above MIN_COST_CHANGE is expected,
-        the advice is to keep constant duty; the tuned gains are in `control` in this case as well.
+        the advice is to keep constant duty; the tuned gains are also in `control` in this case.
 
     Raises
     ------
@@ -254,6 +258,7 @@ def improve(
     models = models_of(loop / POSTERIOR)
     tuning_study = (study or DEFAULT_STUDY).on_model(*models).trusting(allowed)
     tuning = tune_gains(tuning_study, out / "control", stages, workers or None)
+    # The benefit is predicted from the held-out drives, which the search has not seen.
     improvement = Improvement(
         tuning, predicted_bounds(models, {"trust": allowed}), "constant duty", predicted_gain(tuning)
     )
@@ -295,6 +300,7 @@ def predicted_gain(tuning: TuningResult) -> dict[str, Prediction]:
     drives = {row.control: row.held_out for row in tuning.drives}
     runs, cost = tuning.study.held_out_runs, tuning.study.cost
     models = np.array([run.case.model_file for run in runs])
+    # The drives of both controls are in one order, so that each pair belongs to one drive.
     pairs = list(zip(drives["constant duty"], drives[f"tuned, {tuning.study.estimate}"], strict=True))
     rows = np.array(
         [

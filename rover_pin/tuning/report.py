@@ -20,12 +20,12 @@ from rover_pin.tuning.drive_score import Cost, Score
 from rover_pin.tuning.study import SlipLaw, TuningStudy
 
 COST_TOLERANCE = 1e-3
-"""Difference between the mean costs of two controls, below which the costs count as equal."""
+"""Minimum difference between the mean costs of two controls. Below it, the costs count as equal."""
 
 
 class Candidate(NamedTuple):
-    """Gains from which the result of a tuning is chosen, with the scores of the full rover (the complete simulation) on
-    all training drives.
+    """One of the sets of gains that the result of a tuning is chosen from, with the scores of the full rover (the
+    complete simulation) on all training drives.
     """
 
     stage: str
@@ -74,8 +74,8 @@ class ControlScores(NamedTuple):
 STATISTICS = ("mean", "worst", "10 % tail", "stuck share", "buried share")
 """Names of the fields of `CostStatistics` in tables and files."""
 MIN_COST_CHANGE = 0.02
-"""Minimum change of a drive's cost for which the drive counts as better or worse (assumed): 2 % of the cost of a drive
-without progress."""
+"""Minimum change of a drive's cost that counts as better or worse (assumed): 2 % of the cost of a drive without
+progress."""
 COMPARED_CONTROLS = ("the torque check alone", "the gains before", "the tuned gains")
 """Controls that `TuningResult.where` compares with constant duty, in this order."""
 
@@ -106,13 +106,13 @@ def cost_statistics(scores: Sequence[Score], cost: Cost) -> CostStatistics:
 
 @dataclass(frozen=True)
 class TuningResult:
-    """The result of a tuning: the tuned gains, and the scores by which they were chosen and tested."""
+    """The result of a tuning: the tuned gains, and the scores that led to their choice and that test them."""
 
     study: TuningStudy
     law: SlipLaw
     "the tuned gains and hole law"
     candidates: tuple[Candidate, ...]
-    """gains with scores of the full rover, from which the tuned gains were chosen"""
+    """sets of gains with scores of the full rover; the tuned gains are one of them"""
     drives: tuple[ControlScores, ...]
     """scores of all drives with each control that the report compares"""
     check: tuple[tuple[str, float, float, float], ...]
@@ -127,7 +127,7 @@ class TuningResult:
     cautions: tuple[str, ...] = ()
     """sentences about effects that the reduced model, or every drive, leaves out (`drives.cautions`)"""
     search_notes: tuple[str, ...] = ()
-    """sentences about the drives for which the search used the full rover, and about the polish after the search"""
+    """sentences about the drives of the full rover in the search, and about the polish after the search"""
     trials: tuple[Trial, ...] = ()
     "success of all gains that the search evaluated, in their order"
 
@@ -176,12 +176,13 @@ class TuningResult:
         return sentences
 
     def where(self) -> list[str]:
-        """Return sentences that state how many drives each control makes better or worse than constant duty.
+        """Return sentences with the numbers of drives that each control makes better and worse than constant duty.
 
         There is one sentence for the training drives, and one for the held-out drives. A drive is better or worse if
         its cost differs by more than `MIN_COST_CHANGE`.
         """
         cost, estimate, sentences = self.study.cost, self.study.estimate, []
+        # Without held-out drives, only the training drives are compared.
         for name, part in [("training", "training"), *([("held out", "held_out")] if self.study.held_out else [])]:
             costs = {
                 drives.control: np.array([score.cost(cost) for score in getattr(drives, part)])
@@ -207,7 +208,7 @@ class TuningResult:
         return sentences
 
     def by_ground(self) -> list[str]:
-        """Return a sentence for each scenario that states how many drives get through and how many bury a wheel with
+        """Return a sentence for each scenario with the numbers of drives that get through and that bury a wheel with
         each control.
         """
         table = self.table()
@@ -216,6 +217,7 @@ class TuningResult:
             "the gains before": f"before, {self.study.estimate}",
             "the tuned gains": f"tuned, {self.study.estimate}",
         }
+        # The groups keep the order of the table: training drives first, then held-out drives.
         lines = []
         for (where, ground), drives in table.groupby(["set", "ground"], sort=False):
             counts = []
@@ -233,6 +235,7 @@ class TuningResult:
             for where, table in self.statistics().items()
             for control, statistics in table.items()
         }
+        # The errors of the reduced model are in millimetres, because they are small.
         check = {
             f"reduced model on {name}": {"slip RMSE": slip, "speed RMSE [mm/s]": 1e3 * speed, "end x [mm]": 1e3 * end}
             for name, slip, speed, end in self.check
@@ -258,6 +261,7 @@ class TuningResult:
         import pandas as pd
 
         rows = []
+        # One row for each drive under each control, with the fields of the score as columns.
         for drives in self.drives:
             for where, runs, scores in (
                 ("training", self.study.training_runs, drives.training),
@@ -304,6 +308,7 @@ def write_result(result: TuningResult, out: Path) -> TuningResult:
         for candidate in result.candidates
     ]
     names = ["stage", *numbers, "reduced_cost", "full_cost"]
+    # The title of the figure states the tuned numbers.
     free = ", ".join(f"{name} = {result.law.number(name):.3g}" for name in study.free)
     title = f"{study.name}, tuned with {study.estimate} slip: {free}"
     files = (

@@ -41,7 +41,7 @@ class SlipLaw(NamedTuple):
         return float(getattr(record, name.removeprefix(HOLE_PREFIX)))
 
     def with_numbers(self, numbers: Mapping[str, float]) -> SlipLaw:
-        """Return a copy of the law in which some numbers are replaced. `numbers` are the new values by their names."""
+        """Return a copy of the law with some numbers replaced. `numbers` are the new values by their names."""
         gains = self.gains.replace(
             **{name: value for name, value in numbers.items() if not name.startswith(HOLE_PREFIX)}
         )
@@ -71,8 +71,8 @@ class DriveCase:
     post_peak: float = 0.0
     """fraction of its shear strength that the soil loses past the peak [-]"""
     seal: str = ""
-    """digest of the model file that the setting `model` names; it is a part of the key under which a result is kept, so
-    that results for another model are not used again"""
+    """digest of the model file that the setting `model` names; it is a part of the key of a stored result, so that
+    results for another model are not used again"""
 
     @property
     def model_file(self) -> str:
@@ -94,7 +94,7 @@ class Effort:
     generations: int = 8
     """number of generations of the differential evolution"""
     starts: int = 2
-    """number of points from which a polish (a descent) starts"""
+    """number of points that a polish (a descent) starts from"""
     steps: int = 20
     "number of evaluations of each polish"
     keep: int = 4
@@ -116,14 +116,14 @@ class TuningStudy:
     name : str
         Name of the study.
     training : tuple of DriveCase
-        Drives with which the gains are chosen.
+        Drives for the choice of the gains.
     held_out : tuple of DriveCase
         Drives that test the chosen gains; the choice does not use them.
     free : mapping
-        Name of a number to find -> its bounds (low, high). Numbers of the hole law may be free as well, under names
-        such as `hole.deep`.
+        Name of a number to find -> its bounds (low, high). Numbers of the hole law may also be free, under names such
+        as `hole.deep`.
     before : Gains
-        Gains before the tuning, from which the numbers that are not free are taken.
+        Gains before the tuning. Numbers that are not free keep these values.
     hole : HoleLaw, optional
         Hole law, which decreases the desired slip S_d of a wheel with the depth of its hole. Without a hole law, S_d is
         constant.
@@ -131,7 +131,7 @@ class TuningStudy:
         Slip estimate of the control, one of ESTIMATES. An estimate of SENSED reads sensors with noise, resolution and
         delay.
     noise_seeds : int
-        Number of noise seeds with which each drive is repeated, if the slip estimate reads sensors.
+        Number of noise seeds, if the slip estimate reads sensors. Each drive is repeated with each seed.
     cost : Cost
         Weights of the cost of a drive.
     effort : Effort
@@ -165,6 +165,8 @@ class TuningStudy:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        # The checks follow the order of a user's mistakes: missing drives, unknown words, missing or repeated names,
+        # bounds.
         if not self.training:
             raise ParameterError(f"Tuning '{self.name}' has no training drives: give one or more drives in `training`.")
         if self.estimate not in ESTIMATES:
@@ -191,7 +193,7 @@ class TuningStudy:
     @property
     def _numbers(self) -> dict[str, Quantity]:
         """The numbers of the slip control that may be free, with their units and bounds, by their names. The wheel
-        radius in a hole law is not among them, because it is that of the rover.
+        radius in a hole law is not among them, because it is the radius of the rover's wheels.
         """
         of_hole = {f"{HOLE_PREFIX}{name}": spec for name, spec in quantities(HoleLaw).items() if name != "r"}
         return {**quantities(Gains), **(of_hole if self.hole else {})}
@@ -202,8 +204,8 @@ class TuningStudy:
         return SlipLaw(self.before, self.hole)
 
     def law(self, unit: Iterable[float]) -> SlipLaw:
-        """Return the numbers of the slip control at a point of the unit cube, in which the search varies the free
-        numbers.
+        """Return the numbers of the slip control at a point of the unit cube. The search varies the free numbers within
+        this cube.
 
         The point has a coordinate from 0 to 1 for each free number: 0 is the lower bound of the number, and 1 its upper
         bound (`value_at`).
@@ -228,7 +230,7 @@ class TuningStudy:
 
     @property
     def seeds(self) -> int:
-        """Number of noise seeds with which every drive is repeated; 1 if the slip estimate reads no sensors."""
+        """Number of noise seeds for the repetitions of every drive; 1 if the slip estimate reads no sensors."""
         return self.noise_seeds if self.estimate in SENSED else 1
 
     @property
@@ -258,8 +260,8 @@ class TuningStudy:
     def on_model(self, *files: str | Path) -> Self:
         """Return a copy of the study whose drives use the models in these files, for example models from measured data.
 
-        The training drives use the models in turn, so that their number stays the same. Every held-out drive is
-        repeated with each model. A setting `cruise_slip` of a drive is left out, because it determines the motion
+        The training drives use the models in turn, so that their number does not change. Every held-out drive is
+        repeated with each model. A setting `cruise_slip` of a drive is removed, because it determines the motion
         resistance, which the model already contains.
 
         Raises ParameterError: a drive names a model file itself.

@@ -63,6 +63,7 @@ def _study(table: dict[str, Any], stem: str) -> TuningStudy:
     also the name of a study that has no name.
     """
     keys = [entry.name for entry in dataclasses.fields(TuningStudy) if entry.name != "hole"]
+    # A misspelt key would otherwise be ignored, and its default would be used without a notice.
     for key in table:
         if key not in keys:
             raise ParameterError(f"the study has no key '{key}': {closest(key, keys)}")
@@ -114,6 +115,7 @@ def _cases(where: str, entries: Any) -> tuple[DriveCase, ...]:
         entry, drive = dict(table), f"{where} {number}"
         if "scenario" not in entry:
             raise ParameterError(f'the drive {drive} names no scenario: add one, such as scenario = "ditch".')
+        # A drive without a name gets the name "training 1", "training 2" and so on.
         scenario, name = (_name(drive, key, entry.pop(key, drive)) for key in ("scenario", "name"))
         post_peak = to_si(entry.pop("post_peak", 0.0), "", "", f"{drive}: post_peak")
         # All other keys are settings of the scenario.

@@ -13,8 +13,8 @@ from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.study import DriveCase, SlipLaw, TuningStudy
 
 MAX_SLIP_ERROR = 0.05
-"""Maximum RMSE of the reduced model's slip, over wheels and time, with which the search uses the reduced model for a
-drive (assumed). For a drive with a larger error, the search uses the full rover."""
+"""Maximum RMSE of the reduced model's slip on a drive, over wheels and time (assumed). Up to this error, the search
+uses the reduced model for the drive; above it, the search uses the full rover."""
 
 
 class ReducedModelCheck(NamedTuple):
@@ -59,7 +59,7 @@ def worse_checks(study: TuningStudy, evaluations: Evaluations) -> tuple[ReducedM
 
 
 def refusal(checks: Sequence[ReducedModelCheck]) -> str:
-    """Return a text about the drives for which the reduced model is not used; an empty text if it is used for all
+    """Return a text about the drives that the reduced model is not used for; an empty text if it is used for all
     drives.
     """
     # The text names the drive with the largest error, and the number of the other drives.

@@ -48,14 +48,14 @@ this much. The initial simplex of a polish has this size too."""
 
 
 class SearchPoint(NamedTuple):
-    """A set of gains as a point of the unit cube, in which the search varies the free numbers, with its cost in the
-    search.
+    """A set of gains as a point of the unit cube, with its cost in the search. The search varies the free numbers
+    within this cube.
     """
 
     place: np.ndarray
     "a coordinate from 0 to 1 for each free number (numbers,)"
     cost: float
-    """cost of the training drives by which points are compared"""
+    """cost of the training drives, for the comparison of points"""
     stage: str
     "origin of the point: search, or polish (the descent after the search)"
     trial: Trial | None = None
@@ -109,6 +109,7 @@ def tune_gains(
     study = seal(study)
     for case in (*study.training, *study.held_out):
         build(case)
+    # The folder stays locked until the results are written, and a stop tells the user how to continue.
     with alone_in(out), ending_workers(), workers_of(workers or -1, scheduler) as work:
         evaluations = Evaluations(None if out is None else Path(out), work, progress)
         try:
@@ -126,6 +127,7 @@ def _tune_law(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
     begin = time.perf_counter()
     # Where the reduced model cannot be trusted, the search uses the full rover.
     checks = worse_checks(study, evaluations)
+    # The steps of a tuning: search, polish of the best points, and drives of the full rover with the best gains.
     points = search(study, evaluations, checks)
     polished = [polish(study, evaluations, start) for start in spread_points(points, study.effort.starts)]
     candidates = evaluate_points(study, evaluations, [*spread_points(points, study.effort.keep), *polished])
@@ -170,7 +172,7 @@ def _tune_law(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
 def search(study: TuningStudy, evaluations: Evaluations, checks: Sequence[ReducedModelCheck]) -> list[SearchPoint]:
     """Search the unit cube of all free numbers by differential evolution, and return every point that was evaluated.
 
-    `checks` state for which drives the reduced model is used. The gains before the tuning are in the first population.
+    `checks` state which drives the reduced model may replace. The gains before the tuning are in the first population.
     """
     effort, size = study.effort, len(study.free)
     points: list[SearchPoint] = []
@@ -210,6 +212,7 @@ def search_scores(
     """
     runs, trusted = study.training_runs, {check.case.name for check in checks if check.trusted}
     scores = np.zeros((len(laws), len(runs), len(Score._fields)))
+    # The reduced model and the full rover score different drives; together they fill the array.
     for is_reduced, stage, score in (
         (True, "search on the reduced model", reduced_score),
         (False, "search on the full rover", full_score),
@@ -241,6 +244,7 @@ def polish(study: TuningStudy, evaluations: Evaluations, start: SearchPoint) -> 
 
     The result is not worse than the start.
     """
+    # The cost at the start of the descent is kept, so that the report can state the improvement.
     size, costs = len(start.place), []
 
     def cost(place: np.ndarray) -> float:
@@ -256,8 +260,8 @@ def polish(study: TuningStudy, evaluations: Evaluations, start: SearchPoint) -> 
 
 
 def spread_points(points: Sequence[SearchPoint], count: int) -> list[SearchPoint]:
-    """Return up to `count` points of lowest cost, sorted by cost. A point that is close to a better point is left
-    out.
+    """Return up to `count` points of lowest cost, sorted by cost. A point that is close to a better point is not
+    returned.
     """
     # Points close to a better one would only repeat it.
     selected: list[SearchPoint] = []

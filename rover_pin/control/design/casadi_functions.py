@@ -59,7 +59,7 @@ def traction_function(
     ParameterError
         The name of the form or of the rule for the angles is not known.
 
-    Source: section 3.2 of the paper, F(S) = f_t / f_n, by the same expression as `load_traction_factor`.
+    Source: section 3.2 of the paper, F(S) = f_t / f_n, by the expression of `load_traction_factor`.
 
     Examples
     --------
@@ -99,8 +99,7 @@ def bounds_function(
         and dT_lim_dW, the derivatives of T_sat and T_lim with respect to the load [m]; refused, which is 1 if no entry
         angle below 90 deg carries the load (the other outputs are then meaningless), and 0 otherwise.
 
-    Source: Eqs (2)-(6) of the paper, by the same expression as in the function `torque_bounds`, which states the
-    equations.
+    Source: Eqs (2)-(6) of the paper, by the expression of the function `torque_bounds`, which states the equations.
 
     Examples
     --------
@@ -211,6 +210,7 @@ def rig_step_function(model: Model, period: float, mass: float, ground: int = 0)
     # Rosenbrock-Euler: (1 - period J) (after - before) = period rates, with J = d rates / d states.
     jacobian = ca.jacobian(rates, before)
     after = before + ca.solve(ca.SX.eye(before.numel()) - period * jacobian, period * rates)
+    # The function returns the state after the step, so that a caller can feed its outputs back as inputs.
     following = {f"next_{name}": value for name, value in zip(moving, ca.vertsplit(after), strict=True)}
     forces = {name: outputs[name] for name in ("f_t", "f_y", "f_n", "torque")}
     return _named("rig_step", {**inputs, "W": (load, 0.0)}, {**following, **forces})
@@ -255,12 +255,13 @@ def _wheel_law(model: Model, ground: int) -> tuple[Inputs, dict[str, Scalar]]:
     outputs |= {"S": contact.S, "S_y": contact.S_y}
     rates_of_states = (rate for of_effect in rates for rate in of_effect)
     outputs |= {f"d_{name}": rate for name, rate in zip(states, rates_of_states, strict=True)}
+    # The inputs are merged in the order that `wheel_function` documents.
     return patch | states | of_wheel | of_soil | numbers, outputs
 
 
 def _labels(effects: Sequence[Effect]) -> list[str]:
-    """Return a name for each effect: the name of its class. A further effect of the same class gets a number, for
-    example HardPatch_2.
+    """Return a name for each effect: the name of its class. A further effect of a class gets a number, for example
+    HardPatch_2.
     """
     labels: list[str] = []
     for effect in effects:

@@ -61,6 +61,7 @@ def controller_of_file(file: str | Path, model: Model, trust: Trust = Trust()) -
         raise DataError(
             f"control = {path}: this file does not exist. Give a .py file with a function `{MAKER}(model)`."
         )
+    # The user must have consented before the first line of the file runs.
     trust.refuse_code(path, f"control = {path}")
     # The file is executed here; an error in it is reported with its line by `run_file`.
     made = getattr(run_file(path), MAKER, None)
@@ -80,4 +81,5 @@ def controller_of_file(file: str | Path, model: Model, trust: Trust = Trust()) -
             f"{path}: `{MAKER}(model)` returns {SHORT.repr(inner)}, which is no controller. Return a function that "
             "takes a `Reading` and returns a duty in [-1, 1], one duty for each wheel, or a `Command`."
         )
+    # Later errors of the user's code, during the drive, are reported with the file and the line too.
     return FileController(path, inner)

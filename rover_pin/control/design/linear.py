@@ -1,5 +1,5 @@
-"""The linear model dx/dt = A x + B u, y = C x + D u of a rover at a trim point, for the design of controllers. x are
-the deviations of the states from the trim point, u those of the duties, and y those of the outputs.
+"""The linear model dx/dt = A x + B u, y = C x + D u of a rover at a trim point, for the design of controllers. The
+deviations from the trim point are x for the states, u for the duties, and y for the outputs.
 """
 
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ from rover_pin.simulation.start import Start
 from rover_pin.simulation.state import DriveState
 
 RATE_STEP = 2e-5
-"""Time step of the simulation from which the time derivatives of the states are computed [s]. The step damps modes that
-are faster than 1 / RATE_STEP."""
+"""Time step of the simulation [s]. One such step gives the time derivatives of the states. It damps modes that are
+faster than 1 / RATE_STEP."""
 DIFFERENCE = 1e-6
 """Change of a state or duty in each direction for central differences, in the unit of the state or duty."""
 MAX_ACCELERATION = 0.02
@@ -76,19 +76,21 @@ class LinearModel:
         transition, state = expm(system * (t[1] - t[0])), np.repeat([0.0, 1.0], [states, inputs])
         rows = []
         for _ in t:
+            # The outputs belong to the state at the beginning of the interval.
             rows.append(self.C @ state[:states] + self.D @ state[states:])
             state = transition @ state
         return np.array(rows)
 
 
 def trim_state(model: Model, duty: float, duration: float = 10.0, start: Start = Start()) -> DriveState:
-    """Return a trim point of a model: the state that the rover has reached after a drive at a constant duty, in which
-    it no longer accelerates.
+    """Return a trim point of a model: the state that the rover has reached after a drive at a constant duty, when it no
+    longer accelerates.
 
     The rover drives from `start` for `duration` [s] with the duty `duty` [-] of all wheels.
 
     Raises SimulationError: the drive ends earlier, or the base still accelerates by more than `MAX_ACCELERATION`.
     """
+    # The rover settles by itself: the end of a long drive at a constant duty is a steady motion.
     trace = simulate(model, ConstantDuty(duty), duration, start, measure_error=False)
     if trace.end is None:
         raise SimulationError(
@@ -108,7 +110,7 @@ def trim_state(model: Model, duty: float, duration: float = 10.0, start: Start =
 
 
 def linear_model(model: Model, state: DriveState, duty: float) -> LinearModel:
-    """Return the linear model of a rover at a state, with the same duty [-] for all wheels.
+    """Return the linear model of a rover at a state, with one duty [-] for all wheels.
 
     The matrices follow from central differences of the compiled step of the simulation. The state should be a trim
     point (`trim_state`), because the linear model describes deviations from a steady motion. A force that changes its
@@ -133,6 +135,7 @@ def linear_model(model: Model, state: DriveState, duty: float) -> LinearModel:
     columns += [rates.slope(state, duties, np.zeros(size), np.eye(wheels)[i]) for i in range(wheels)]
     x_slopes, y_slopes = (np.array(part).T for part in zip(*columns, strict=True))
     # The columns of the states give A and C, and the columns of the duties give B and D.
+    # The names of inputs and outputs contain the wheel, in the order of the columns.
     names = [wheel.name for wheel in model.rover.wheels]
     outputs = ("speed", *(f"{kind}_{name}" for kind in (*OUTPUT_COLUMNS, "rate") for name in names))
     inputs = tuple(f"duty_{name}" for name in names)
@@ -180,6 +183,7 @@ class _Rates:
         self.kernel.duty[:] = duty
         if self.kernel.step():
             raise SimulationError("The step of the simulation fails at the trim point. Choose another state.")
+        # The changes over the step, divided by its length, are the rates. The configuration changes on its manifold.
         displacement = pin.difference(self.pin_model, state.q, now.q)
         parts = [
             displacement,

@@ -60,6 +60,7 @@ class SteppedDrive:
 
         Raises SimulationError: the drive has ended, or the value is not a command.
         """
+        # A command after the end would be lost without a notice.
         if self.stop:
             raise SimulationError(f"The drive has ended ({self.stop}), so that no step is left. Start another drive.")
         self.command = command

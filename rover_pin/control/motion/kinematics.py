@@ -47,8 +47,8 @@ def turning_places(rover: Rover, track: float = 0.0) -> np.ndarray:
     The line passes through the mean x of the wheels that cannot steer, or of all wheels if every wheel steers.
 
     If no wheel steers, the rover turns by the speed difference of its left and right side. Then x is 0, and y is the
-    mean y of the wheels on the same side. If an effective `track` [m] is given, y is scaled so that the two sides are
-    at this distance from each other.
+    mean y of the wheels on that side. If an effective `track` [m] is given, y is scaled so that the two sides are at
+    this distance from each other.
     """
     places = wheel_places(rover)
     if not any(steers(rover)):
@@ -56,6 +56,8 @@ def turning_places(rover: Rover, track: float = 0.0) -> np.ndarray:
         # The two sides are moved apart symmetrically until their distance is the effective track.
         middle, scale = sum(lateral.values()) / 2, track / (lateral["l"] - lateral["r"]) if track else 1.0
         return np.array([(0.0, middle + scale * (lateral[wheel.side] - middle)) for wheel in rover.wheels])
+    # x is measured from the mean of the wheels that cannot steer, because they can turn only about a centre abreast of
+    # them.
     fixed = [places[wheel.name][0] for wheel in rover.wheels if wheel.steer_dof is None]
     line = float(np.mean(fixed or [place[0] for place in places.values()]))
     return np.array([(places[wheel.name][0] - line, places[wheel.name][1]) for wheel in rover.wheels])

@@ -41,6 +41,7 @@ def _nearest(points: ca.SX, starts: ca.SX, x: Scalar, y: Scalar, done: Scalar, a
     these limits, the rover could continue on the wrong branch where a route crosses itself. `points` are the waypoints
     (points, 2) and `starts` their arc lengths [m].
     """
+    # The segments are compared one after another: CasADi has no search, so each comparison is a formula.
     best, arc_length = ca.SX(EXCLUDED), done
     for i in range(points.size1() - 1):
         # The nearest point of each segment, limited to the part of the segment that lies within the search.
@@ -50,6 +51,7 @@ def _nearest(points: ca.SX, starts: ca.SX, x: Scalar, y: Scalar, done: Scalar, a
         low, high = ca.fmax(done - starts[i], 0.0), ca.fmin(done + ahead - starts[i], length)
         along = ca.fmin(ca.fmax(along, low), high)
         off = (points[i, 0] + along * dx - x) ** 2 + (points[i, 1] + along * dy - y) ** 2
+        # A segment that lies entirely outside the search is never the nearest one.
         off = ca.if_else(low > high, EXCLUDED, off)
         best, arc_length = ca.fmin(off, best), ca.if_else(off < best, starts[i] + along, arc_length)
     return arc_length
@@ -70,6 +72,7 @@ def _route_law(steering: tuple[bool, ...], count: int) -> ca.Function:
     chosen, wheels, radii = ca.SX.sym("chosen", len(NUMBERS)), ca.SX.sym("wheels", 2, n), ca.SX.sym("radii", n)
     points, starts = ca.SX.sym("points", count, 2), ca.SX.sym("starts", count)
     omega_0, period, speed, lookahead, reach, bend = ca.vertsplit(chosen)
+    # The progress along the route is the nearest point of the route, and never decreases.
     arc_length = _nearest(points, starts, place[1], place[2], memory[0], lookahead)
     remaining = starts[count - 1] - arc_length
     # The target lies `lookahead` further along the route; beyond the end, the last segment is extended.
@@ -85,8 +88,10 @@ def _route_law(steering: tuple[bool, ...], count: int) -> ca.Function:
     # The motion has unit speed. It is scaled to the speed, or to the speed at which the fastest wheel has full duty.
     rates = ca.vertcat(*speeds) / radii
     rates = rates * ca.fmin(pace, omega_0 * servo.delta_max / ca.mmax(ca.fabs(rates)))
+    # The servos hold the wheel rates, and the torque limit may lower their duties.
     duties, integrals = servo_duties(servo, rates, read[3:], memory[2:], limits, omega_0, period)
     numbers = ca.vertcat(symbols, chosen, ca.vec(wheels), radii, ca.vec(points), starts)
+    # Until the arrival this is the present time; afterwards the memory keeps the time of arrival.
     arrival = ca.if_else(remaining > reach, place[0], memory[1])
     out = [duties, ca.vertcat(*angles), ca.vertcat(arc_length, arrival, integrals)]
     return ca.Function("route", [place, read, limits, memory, numbers], out)
@@ -265,9 +270,11 @@ def read_route(text: str, start: tuple[float, float]) -> np.ndarray:
                 'pairs x,y in metres such as "1,0 2,0.5".'
             )
     else:
+        # A file has one waypoint in each row; empty cells would make a gap in the route.
         table = read_columns(text)
         table.refuse_gaps("x_m", "y_m")
         points = np.column_stack(table.need("x_m", "y_m"))
     if not len(points):
         raise DataError(f"{text}: the route has no waypoints. Give at least one row with x_m and y_m.")
+    # The route begins at the rover, so that the first segment leads from the start to the first given waypoint.
     return np.vstack([start, points])

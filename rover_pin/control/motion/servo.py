@@ -30,8 +30,8 @@ from rover_pin.simulation.stepping.timing import CONTROL_PERIOD
 from rover_pin.simulation.trace.trace import Trace
 
 MIN_TURN_RATIO = 0.5
-"""Ratio of the driven yaw rate to the commanded yaw rate, below which a drive reports that the rover does not follow
-the command."""
+"""Minimum ratio of the driven yaw rate to the commanded yaw rate. Below it, a drive reports that the rover does not
+follow the command."""
 MAX_COMMAND = 1e3
 """Maximum speed [m/s] or rate [rad/s] that may be commanded; it is far above the speed of every motor."""
 
@@ -97,8 +97,8 @@ class LawControl(Protocol):
 
 @dataclass(frozen=True)
 class Servo(Record):
-    """A PI servo for the rate of a wheel: it computes the duty delta of the motor with which the wheel turns at the
-    desired rate omega_d.
+    """A PI servo for the rate of a wheel: it computes the duty delta of the motor that turns the wheel at the desired
+    rate omega_d.
 
         delta = omega_d / omega_0 + k_p e + k_i int e dt,  e = (omega_d - omega) / omega_0,  |delta| <= delta_max
 
@@ -149,7 +149,7 @@ def servo_duties(
     Parameters
     ----------
     servo : Servo
-        Gains and largest duty, the same for all wheels.
+        Gains and largest duty, common to all wheels.
     rates, rates_now : column (wheels,)
         Desired rates and present rates of the wheels [rad/s].
     integrals : column (wheels,)
@@ -215,10 +215,10 @@ class HeldSpeeds(LawControl):
     limit : TorqueLimit or NoLimit
         A torque limit that also limits the duties.
     motion : BodyMotion, optional
-        Motion of the body for which the rates and angles were computed. If it is given, a drive reports when the rover
+        Motion of the body that the rates and angles were computed for. If it is given, a drive reports when the rover
         does not follow this motion.
     track : float
-        Effective distance between the two sides for which the rates were computed [m]; 0 if wheels steer.
+        Effective distance between the two sides [m], which determined the rates; 0 if wheels steer.
     period : float
         Time between two samples [s].
 
@@ -300,6 +300,7 @@ class HeldSpeeds(LawControl):
         Raises ParameterError: a wheel would have to turn faster than its motor can without load, a wheel would have to
         steer by more than 75 deg, or `crab` is given although no wheel steers.
         """
+        # Without steering, all wheels point ahead, and the rover cannot travel at an angle to its heading.
         steering = steers(rover)
         if crab and not any(steering):
             raise ParameterError(
@@ -308,6 +309,7 @@ class HeldSpeeds(LawControl):
             )
         # The effective track matters only for a rover that turns by the speed difference of its sides.
         places = turning_places(rover, 0.0 if any(steering) else track or effective_track(rover))
+        # The velocity of the body, in its own axes, points at the angle `crab` to the left of the heading.
         motion = BodyMotion(speed * math.cos(crab), yaw_rate, speed * math.sin(crab))
         speeds, angles = rolling(places.tolist(), steering, motion)
         if max(map(abs, angles), default=0.0) > MAX_STEER:
@@ -316,14 +318,15 @@ class HeldSpeeds(LawControl):
                 f"{math.degrees(max(map(abs, angles))):.0f} deg; the limit is {math.degrees(MAX_STEER):.0f} deg. "
                 "Command a lower yaw rate or a higher speed."
             )
+        # The servos hold wheel rates, so rim speeds are divided by the radius of each wheel.
         rates = tuple((np.array(speeds) / rover.radii).tolist())
         wide = 0.0 if any(steering) else float(np.ptp(places[:, 1]))
         return cls(rates, tuple(angles), float(motor.no_load_rate), servo, limit, motion, wide)
 
     @classmethod
     def turning(cls, rover: Rover, motor: Motor, radius: float, delta: float, track: float = 0.0) -> Self:
-        """Return the control with which a rover without steering turns about a centre at the distance `radius` [m] to
-        its left.
+        """Return the control that turns a rover without steering about a centre at the distance `radius` [m] to its
+        left.
 
         The left and the right side have different speeds. The faster side has the fraction `delta` of its speed at full
         duty without load. `track` is the effective distance between the sides [m]; 0 means `effective_track`.
@@ -366,6 +369,7 @@ class HeldSpeeds(LawControl):
 
         The text is empty if no yaw rate was commanded.
         """
+        # Without a commanded turn there is nothing to compare.
         driven = self.yaw_rate(trace)
         if math.isnan(driven) or self.motion is None:
             return ""
@@ -373,6 +377,7 @@ class HeldSpeeds(LawControl):
         duties = np.abs(trace.stack("duty")[_second_half(trace)])
         full = float(np.mean(np.any(duties >= float(self.servo.delta_max), axis=1)))
         why = f", some motor at its largest duty {full:.0%} of the time" if full else ""
+        # The driven yaw rate shows the track that would have given the commanded rate.
         wider = 0.0 if full or not driven else self.track * float(self.motion.yaw_rate) / driven
         remedy = (
             f"; control.track = {wider:.2g}m, not {self.track:.2g}, would compensate for the scrub"

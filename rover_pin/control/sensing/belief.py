@@ -37,7 +37,7 @@ THRESHOLDS = {
     "MIN_BEND": 0.04,  # bend of the ground below which the ground counts as even [-]
     "STANDING_RATIO": 0.12,  # a particle counts as standing below this ratio of its speed u to r omega [-]
 }
-"""Limits that decide which readings the particle filter uses, and which particles count as standing still."""
+"""Limits that decide which readings the particle filter uses, and which particles count as not moving."""
 UNDER = "SLOPE LEVEL LOAD AHEAD RISE SWING HEIGHT".split()
 """Names of the rows in the filter's array `under`, which has one value for each wheel in each row. The rows are the
 fields of `UnderWheels` in `ground.py`."""
@@ -134,8 +134,8 @@ PARTICLE_ROWS = "ratio stalled travel distance log_weight weight likelihood chan
 
 
 class BeliefStruct(ctypes.Structure):
-    """The C struct Belief, the memory of the particle filter, as a ctypes structure with the same layout. Python fills
-    it and C code updates it.
+    """The C struct Belief, the memory of the particle filter, as a ctypes structure of equal layout. Python fills it
+    and C code updates it.
     """
 
     _fields_ = struct_fields(FIELDS)
@@ -147,7 +147,8 @@ class BeliefLibrary(NamedTuple):
     library: ctypes.CDLL
     """shared library with the functions `rover_pin_sense` and `rover_pin_forget`"""
     work: tuple[int, int]
-    """lengths of the two work arrays that the CasADi function `ground_law` needs: of integers, and of reals"""
+    """lengths of the work array of integers and of the work array of reals that the CasADi function `ground_law`
+    needs"""
 
 
 def compile_belief(ground: ca.Function, laws: Sequence[ca.Function]) -> BeliefLibrary:
@@ -156,12 +157,14 @@ def compile_belief(ground: ca.Function, laws: Sequence[ca.Function]) -> BeliefLi
     `ground` is the CasADi function that `ground_law` returns. `laws` are the functions that `belief_laws` returns,
     which move the particles and compute the densities of readings.
     """
+    # The C source consists of generated code, definitions of constants, the struct, the laws, and the filter itself.
     lines = [lanes.header(), generated_source(ground), "typedef int64_t integer;", "typedef double real;"]
     lines += ["typedef void (*lanes_law)(const double *, const double *, double *);"]
     lines += [constants(), "typedef struct {", *members(FIELDS), "} Belief;"]
     # Each law is evaluated for several particles at once, in the lanes of a SIMD register.
     lines += [lanes.c_source(law, shared=(1,)) for law in laws]
     handle = shared_library("\n".join([*lines, c_source()]), "belief")
+    # ctypes must know the types of the arguments, because it would pass a float as an integer otherwise.
     handle.rover_pin_sense.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_double]
     handle.rover_pin_sense.restype = handle.rover_pin_forget.restype = None
     handle.rover_pin_forget.argtypes = [ctypes.c_void_p]
@@ -187,8 +190,8 @@ def row_lengths(wheels: int, links: int, lag: int) -> dict[str, int]:
 class Belief:
     """The memory of the particle filter that estimates the slip on board; C code updates this memory.
 
-    This object owns the arrays to which the C struct points. Keep the object while C code uses the struct. Write a
-    sample of the sensors into `sample`, call `sense`, and read the result from `estimates` and `struct`.
+    The C struct points to the arrays of this object. Keep the object while C code uses the struct. Write a sample of
+    the sensors into `sample`, call `sense`, and read the result from `estimates` and `struct`.
 
     Parameters
     ----------
@@ -203,6 +206,7 @@ class Belief:
     """
 
     def __init__(self, functions: BeliefLibrary, wheels: int, links: int, lag: int, **numbers: Any):
+        # The arguments are kept, so that a copy of the filter can be built from them.
         self._sizes = functions, wheels, links, lag
         self._library = functions.library
         self.struct = BeliefStruct()
@@ -211,7 +215,7 @@ class Belief:
         self.sample = np.zeros(2 + links + 2 * wheels)
         "roll, pitch, suspension angles [rad], wheel rates [rad/s], currents [A]"
         self.estimates = np.zeros((wheels, 4))
-        "of each wheel: mean slip, its SD, mean depth of the hole [m], its SD [m]"
+        "for each wheel: mean slip, its SD, mean depth of the hole [m], its SD [m]"
         rows = row_lengths(wheels, links, lag) | {"work_w": functions.work[1]}
         # Arrays of reals are aligned for the SIMD lanes, in which the laws are evaluated.
         integers = {"parent": PARTICLES, "work_i": functions.work[0] + 1}

@@ -31,7 +31,7 @@ class UnderWheels(NamedTuple):
     """The ground under all wheels and the motion of their centres in one posture of the rover. Each field has one value
     for each wheel.
 
-    The fields have the same order as the rows in the array `under` of `belief.c`.
+    The fields are in the order of the rows in the array `under` of `belief.c`.
     """
 
     slope: ca.SX
@@ -89,7 +89,7 @@ class _Body(NamedTuple):
 
     @classmethod
     def of(cls, rover: Rover, places: np.ndarray, posture: ca.SX) -> _Body:
-        """Return the body of a rover in a posture, by the same expression that the step of the simulation uses.
+        """Return the body of a rover in a posture, by the expression that the step of the simulation also uses.
 
         `posture` is roll, pitch and the suspension angles [rad], and `places` are the indices of these suspension
         angles in the configuration vector q.
@@ -134,6 +134,7 @@ class _Body(NamedTuple):
             along = centres[side[max(place - 1, 0)]] - centres[side[min(place + 1, len(side) - 1)]]
             along -= ca.dot(along, left[i]) * left[i]
             forward.append(along / ca.norm_2(along))
+        # A wheel's centre moves relative to the base because the suspension turns.
         moves = [self._wheel_motion(mount.joint, centre, rates) for mount, centre in zip(wheels, centres, strict=True)]
         level = [ca.norm_2(along[:2]) for along in forward]
         return UnderWheels(
@@ -189,6 +190,7 @@ class _Body(NamedTuple):
         `forward` and `left` are unit vectors along the ground and along the axle of each wheel; `torque` are the
         torques of the motors at the wheels [N m].
         """
+        # Only joints that no motor holds are in balance; a motor takes any moment at the other joints.
         rover, n = self.rover, len(self.rover.wheels)
         free = rover.free_dofs
         normal = [ca.cross(along, axle) for along, axle in zip(forward, left, strict=True)]
@@ -206,6 +208,7 @@ class _Body(NamedTuple):
             for lift, push in zip(lifts, pushes, strict=True):
                 lift.append(self._generalised_force(mount.joint, centre, *push)[free])
         columns = [ca.horzcat(*lift) for lift in lifts]
+        # `hold` is the force that the rover needs from the ground in addition to the thrusts of its wheels.
         held, hold = constraint_rows(rover).T[free], rover.mass * rover.gravity * rover.up - pull
         share: list[ca.SX] = [ca.SX(0), ca.SX(0)]
         # The wheels share the remaining force in proportion to their loads, so both are found in turn a few times.

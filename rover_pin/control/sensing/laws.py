@@ -15,7 +15,7 @@ from rover_pin.effects.digging_memory import TOUCH
 from rover_pin.effects.slip import RelaxedSlip
 
 MIN_LEVEL = 0.3
-"""Minimum cosine of the ground's slope by which a forward speed is divided [-]. Slopes above 73 deg count as 73 deg."""
+"""Minimum cosine of the ground's slope as the divisor of a forward speed [-]. Slopes above 73 deg count as 73 deg."""
 FACTOR_RANGE = 2.0
 """Width of the range over which the torque factor of an outlier (a wheel at a wall or a stone) is uniformly distributed
 [-]. The torque factor is T / (r W), with the torque T of a wheel, its radius r and its load W."""
@@ -60,6 +60,7 @@ def wheel_law(hole: HoleLaw, relaxed: RelaxedSlip, period: float) -> ca.Function
     """
     x, wheel = ca.SX.sym("x", 3), ca.SX.sym("wheel", 4)
     (u, s, D), (ahead, level, rim, r) = ca.vertsplit(x), ca.vertsplit(wheel)
+    # The forward speed of the wheel's centre, measured along the slope of the ground.
     v = (u + ahead) / ca.fmax(level, MIN_LEVEL)
     contact = Contact(s, 0.0, TOUCH, v, 0.0, 0.0, rim, 0.0, 0, Wheel(r=r), Soil())
     rolling = ca.fmax(ca.fmax(ca.fabs(rim), ca.fabs(v)), MIN_LIKELIHOOD)
@@ -88,7 +89,7 @@ def torque_law(trust: ReadingTrust) -> ca.Function:
 def fold_law(trust: ReadingTrust) -> ca.Function:
     """Return the CasADi function for the log density of the speed at which the wheels rise relative to each other.
 
-    On bent ground, the suspension of a moving rover folds, so that this speed indicates how fast the rover moves. The
+    On bent ground, the suspension of a moving rover folds, so that this speed indicates the speed of the rover. The
     inputs are the forward speed u of the particle [m/s], and the vector (rise, bend, wall): `rise` is the mean
     deviation of the wheels' rising speeds from their median [m/s], `bend` the mean deviation of the slopes under the
     wheels from their median [-], and `wall` states from 0 (no) to 1 (yes) whether the wheels are at a wall.
@@ -127,5 +128,5 @@ def still_law(trust: ReadingTrust) -> ca.Function:
 
 
 def belief_laws(holes: HoleLaw, relaxed: RelaxedSlip, trust: ReadingTrust, period: float) -> list[ca.Function]:
-    """Return the four laws of the particle filter, in the order in which `belief.c` defines them."""
+    """Return the four laws of the particle filter, in the order of their definitions in `belief.c`."""
     return [wheel_law(holes, relaxed, period), torque_law(trust), fold_law(trust), still_law(trust)]

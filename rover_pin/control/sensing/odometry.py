@@ -90,8 +90,8 @@ class TrackedSlip:
     """A slip estimate by Eq (1) of the paper from the wheel rates and the travel speed that an external tracker
     measures.
 
-    The measured travel speed has noise and a delay. The noise is the same for all wheels, because the tracker measures
-    the body.
+    The measured travel speed has noise and a delay. All wheels have one common noise, because the tracker measures the
+    body.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class TrackedSlip:
         self.pending: deque[tuple[np.ndarray, np.ndarray]] = deque()
 
     def slip(self, reading: Reading) -> np.ndarray:
-        """Return the estimated slip S_hat of each wheel (wheels,) [-], as it was one delay ago. Until the delay has
+        """Return the estimated slip S_hat of each wheel (wheels,) [-] at the time one delay ago. Until the delay has
         passed, the result is the estimate of the first sample.
 
         Call this method once in each control period.
@@ -136,5 +136,5 @@ class TrackedSlip:
         return self.pending[0][0]
 
     def travel(self, reading: Reading) -> np.ndarray:
-        """Return the travel speeds of the wheels (wheels,) [m/s] from which the latest S_hat was computed."""
+        """Return the travel speeds of the wheels (wheels,) [m/s] that the latest S_hat was computed from."""
         return self.pending[0][1]

@@ -32,17 +32,17 @@ SLIPS = np.linspace(-1.0, 1.0, LENGTHS["N_FACTORS"])
 STRIDE = 0.25
 """Time between two postures (roll, pitch and suspension angles) of the rover that the filter compares [s]."""
 MIN_PACE = 0.002
-"""Minimum rim speed of which the filter expresses the rover's speed as a multiple [m/s]; a slower rim counts as having
-this speed."""
+"""Minimum rim speed [m/s]. The filter expresses the rover's speed as a multiple of the rim speed, and a slower rim
+counts as having this minimum speed."""
 STANDING_ROLL, STANDING_CHANGE = 0.56, 0.0012
-"""On bent ground, a rover counts as standing if within 4 s its rims turn by more than the first number times the wheel
-radius, while its posture (roll, pitch and suspension angles) changes by less than the second number [m]."""
+"""On bent ground, a rover counts as not moving if within 4 s its rims turn by more than the first number times the
+wheel radius, while its posture (roll, pitch and suspension angles) changes by less than the second number [m]."""
 WALL_TIME = 0.31
 """Time constant of the low-pass filter that decides whether a wheel is at a wall [s]. A wheel is at a wall if its
 torque stays above the largest torque of the soil for about this time."""
 BACKWARDS_DUTY = -0.02
-"""Duty [-] below which the duties of all wheels must be for the rover to count as driving backwards. Torques then carry
-no information about the slip."""
+"""If the duties of all wheels are below this value [-], the rover counts as driving backwards. Torques then carry no
+information about the slip."""
 
 
 @dataclass
@@ -66,9 +66,9 @@ class OnboardSlip:
       F(s_i) of the known soil.
     - On bent ground, the wheels rise relative to each other at about u times the bend. The bend is the mean deviation
       of the slopes under the wheels from their median.
-    - Within 2 s, the posture changes by about the distance times the bend, or hardly at all if the rover stands.
-    - If the rims turn by half a radius on bent ground within 4 s and the posture does not change, the rover stands
-      still.
+    - Within 2 s, the posture changes by about the distance times the bend, or hardly at all if the rover does not move.
+    - If the rims turn by half a radius on bent ground within 4 s and the posture does not change, the rover does not
+    move.
     - `odometry`, if the rover has visual odometry, measures u with a delay.
 
     A wheel whose torque exceeds the largest torque of the soil is at a wall. Torques then count less, and stalling is
@@ -103,7 +103,7 @@ class OnboardSlip:
     trust: ReadingTrust = field(default_factory=ReadingTrust)
     """errors of readings and rates of events that the filter assumes"""
     relaxed: RelaxedSlip = field(default_factory=RelaxedSlip)
-    """law by which the slip of a wheel follows its speeds with a delay"""
+    """law that lets the slip of a wheel follow its speeds with a delay"""
     odometry: VisualOdometry | None = None
     """visual odometry, or None if the rover has no camera"""
     period: float = CONTROL_PERIOD
@@ -133,6 +133,7 @@ class OnboardSlip:
             settled=STANDING_CHANGE,
             wall_gain=-math.expm1(-self.period / WALL_TIME),
         )
+        # The filter starts as at the beginning of a drive, where any speed is possible.
         self.reset()
 
     @classmethod
@@ -142,6 +143,7 @@ class OnboardSlip:
         `trust` has the errors of readings and the rates of events that the filter assumes; `odometry` is the visual
         odometry of the rover, or None.
         """
+        # The masses that the model's effects add change the wheel loads, so the built rover is used.
         rover = model.built
         return cls(
             rover,

@@ -1,4 +1,4 @@
-"""A stop for a rover that stands still while its wheels dig. If the wheels continued to turn, they would only bury the
+"""A stop for a rover that does not move while its wheels dig. If the wheels continued to turn, they would only bury the
 rover.
 """
 
@@ -16,11 +16,12 @@ from rover_pin.simulation.native.control import CompiledController, StopLaw, com
 
 @dataclass(frozen=True)
 class Stop(Record):
-    """The rule by which a stuck rover is stopped.
+    """The rule that stops a stuck rover.
 
-    The rule stops the rover if two conditions are met: P(stands), the probability that the rover stands, has been above
-    `p_stands` for about `time`, and the deepest hole of a wheel is deeper than `depth` times the wheel radius. The
-    rover then stays stopped. Reversing or trying again in such a hole would dig deeper, so that the operator decides.
+    The rule stops the rover if two conditions are met: P(stands), the probability that the rover does not move, has
+    been above `p_stands` for about `time`, and the deepest hole of a wheel is deeper than `depth` times the wheel
+    radius. The rover then stays stopped. Reversing or trying again in such a hole would dig deeper, so that the
+    operator decides.
 
     Source: none; tuned on drives that no study uses.
     """
@@ -41,8 +42,8 @@ class StopStuck:
     controller : Controller
         The controller that is used until the stop.
     estimate : OnboardSlip
-        The slip estimate that `controller` itself uses; it provides P(stands), the probability that the rover stands,
-        and the depths of the holes.
+        The slip estimate that `controller` itself uses; it provides P(stands), the probability that the rover does not
+        move, and the depths of the holes.
     stop : Stop
         The rule of the stop.
     """

@@ -11,10 +11,10 @@ the forces on the axle along and across the body, and N is its normal force. The
     dh_i/dt = (N_i / 2 - f_n) / (df_n/dv_n + SINKING_TIME df_n/dh),
 
 where m is the mass of the rover, and rest and shift are the loads at rest and the load transfer of `AxleLoads`. J is
-the inertia about the axle; J and the motor torque are those of both wheels of an axle. v_n is the speed of a wheel into
-the ground. The last equation lets a wheel sink until the soil carries its load. F, M and f_n follow from the model's
-contact effects at this sinkage. Motors, motor effects and supply are also taken from the model, by the same expressions
-as in the simulation. Body effects act by their weight and by their push f_x along the path.
+the inertia about the axle; J and the motor torque are sums over both wheels of an axle. v_n is the speed of a wheel
+into the ground. The last equation lets a wheel sink until the soil carries its load. F, M and f_n follow from the
+model's contact effects at this sinkage. Motors, motor effects and supply are also taken from the model, by the
+expressions of the simulation. Body effects act by their weight and by their push f_x along the path.
 
 The reduced model leaves out the motion and the angles of the suspension, the body effects that need them
 (`omitted_effects`), yaw, soils other than the first, a second patch of a wheel at a lip, and the different direction of
@@ -54,8 +54,8 @@ MIN_SINKAGE = 1e-4
 """Minimum sinkage of a wheel in the reduced model's contact law [m]. A smaller sinkage is replaced by this value,
 because a wheel without contact has no traction factor."""
 SINKING_TIME = 0.02
-"""Time in which a wheel of the reduced model settles on soil without damping [s]. It is about the square root of the
-wheel's mass divided by the stiffness of the contact."""
+"""Time constant of a wheel that settles on soil without damping, in the reduced model [s]. It is about the square root
+of the wheel's mass divided by the stiffness of the contact."""
 MAX_PATH_RATIO = 3.0
 """Length of the path that is computed for a drive, divided by the distance at cruise speed. If a rover drives beyond
 this path, the ground continues with the last slope."""
@@ -66,7 +66,7 @@ GAIN_NAMES = tuple(quantities(Gains))
 
 
 class ReducedOutcome(NamedTuple):
-    """The result of a drive of the reduced model, from which its score is computed."""
+    """The result of a drive of the reduced model. The score of the drive is computed from it."""
 
     x_end: Scalar
     "x of the base at the end [m]"
@@ -86,7 +86,7 @@ class ReducedOutcome(NamedTuple):
 class ContinuousControl:
     """The slip control of the paper's Fig 9 in continuous time, as CasADi expressions for the reduced model.
 
-    `SlipControl` is the same control, evaluated at samples. The control in continuous time has derivatives, and the
+    `SlipControl` is this control evaluated at samples. The control in continuous time has derivatives, and the
     integrator need not stop at each sample.
     """
 
@@ -112,7 +112,7 @@ class ContinuousControl:
         """Return the highest duty of an axle that the torque check allows [-], at a pitch [rad] and a wheel rate
         [rad/s].
 
-        Both wheels of an axle have the same limit in the reduced model.
+        Both wheels of an axle have one common limit in the reduced model.
         """
         if isinstance(self.limit, NoLimit):
             return 1.0
@@ -170,7 +170,7 @@ class ReducedDrive:
         x of the base at the start [m].
     tail : float
         Length of the last part of the drive, over which the end speed is averaged [s]. If the drive is shorter than
-        this part, the rover counts as standing still before the start of the drive.
+        this part, the rover counts as being at rest before the start of the drive.
     """
 
     model: Model
@@ -203,7 +203,7 @@ class ReducedDrive:
 
     @cached_property
     def path(self) -> WheelPath:
-        """The path of the wheels' centres over the terrain, the same for all axles."""
+        """The path of the wheels' centres over the terrain, common to all axles."""
         # The path reaches further than a cruise, and 1 m further at both ends, where axles may be.
         rover = self.model.rover
         reach = MAX_PATH_RATIO * CRUISE_SPEED * self.duration
@@ -223,6 +223,7 @@ class ReducedDrive:
         model, effects = self.model, self.model.contact_effects
         nx = sum(len(effect.states) for effect in effects)
         nm = sum(len(effect.states) for effect in model.motor_effects)
+        # The unknowns of the differential equations: position, speed, and the states of each axle.
         x, v = ca.SX.sym("x"), ca.SX.sym("v")
         axle_states = [ca.SX.sym(f"axle_{i}", 4 + nx + nm) for i in range(self.axles)]
         p = ca.SX.sym("gains", len(GAIN_NAMES))
@@ -232,6 +233,7 @@ class ReducedDrive:
         slopes = [self.path.slope_at(place) for place in places]
         heights = [self.path.height_at(place) for place in places]
         pitch = (_mean(heights[1:]) - heights[0]) / (self.loads.place[0] - _mean(self.loads.place[1:]))
+        # The soil, the motors and the balance of forces are computed in this order, because each needs the one before.
         axles = [self._axle(i, places[i], slopes[i], v, axle_states[i][: 4 + nx]) for i in range(self.axles)]
         motors = self._motors(axle_states, nx)
         normal, push = self._balance(slopes, -pitch, [axle.F for axle in axles])
@@ -240,6 +242,7 @@ class ReducedDrive:
         axis = np.array([0.0, 1.0, 0.0])
         wheel_inertia = self.rover.model.inertias[self.rover.wheels[0].joint].inertia
         inertia = float(axis @ wheel_inertia @ axis) + float(self.model.motor.armature)
+        # The rates of the states follow in the order of the states: the rover first, then one axle after another.
         rates: list[Scalar] = [v, (sum(push) + pull) / self.rover.mass]
         for i, axle in enumerate(axles):
             omega, duty, integral = axle_states[i][0], axle_states[i][1], axle_states[i][2]
@@ -253,6 +256,7 @@ class ReducedDrive:
         slip = sum(axle.S**2 for axle in axles) / self.axles
         power = sum(motor.power for motor in motors) * 2
         sunk = sum(state[3] for state in axle_states) / (self.axles * model.rover.wheel.r)
+        # The outputs are the channels that a drive of the full rover also records.
         outputs = ca.vertcat(
             v, *(axle.S for axle in axles), *(state[0] for state in axle_states), *(state[3] for state in axle_states)
         )
@@ -264,6 +268,7 @@ class ReducedDrive:
 
         `axle_state` has the wheel rate, the duty, the integral, the sinkage, and the states of the contact effects.
         """
+        # The path climbs by the slope, so that the wheel's speed along it is larger than the horizontal speed.
         wheel, speed = self.model.rover.wheel, v * ca.sqrt(1 + p**2)
         h, v_n = ca.fmax(axle_state[3], MIN_SINKAGE), ca.SX.sym("v_n")
         # S and S_y are 0 here, because the slip effect of the model sets them from the speeds.
@@ -299,6 +304,7 @@ class ReducedDrive:
         factors f_t / f_n of the axles. The pulls of the axles change their loads, and the loads change the pulls, so
         that both are the solution of a linear system.
         """
+        # The weight acts vertically; its part across the body decreases with the slope of the body.
         level = 1 / ca.sqrt(1 + s * s)
         # Slope of the path relative to the body, and pull along the body divided by the load across it.
         against = [(p - s) / (1 + p * s) for p in slopes]
@@ -331,6 +337,7 @@ class ReducedDrive:
         integrator = ca.integrator("drive", "cvodes", dae, 0.0, grid, options)
         gains = ca.MX.sym("gains", len(GAIN_NAMES))
         end = integrator(x0=self.initial, p=gains)
+        # The outputs of the integrator: states in columns for both times, and integrals at the end.
         x = end["xf"][0, :]
         slip, energy, sunk = ca.vertsplit(end["qf"][:, 1])
         sinkages = ca.Function("sinkages", [state], [self.ode[4][-self.axles :]])
@@ -346,6 +353,8 @@ class ReducedDrive:
 
         Raises OptimisationError: the integrator fails.
         """
+        # The integrator works on a fixed grid of times, so that its channels can be compared with those of the full
+        # rover.
         state, p, rate, _, outputs = self.ode
         options = {**TOLERANCES, "show_eval_warnings": False, "disable_internal_warnings": True}
         integrator = ca.integrator("trace", "cvodes", {"x": state, "p": p, "ode": rate}, 0.0, list(times), options)
@@ -358,6 +367,7 @@ class ReducedDrive:
                 f"The integration of the reduced model fails with {gains}: {error} Use other gains, or the full rover."
             ) from error
         output_values = np.array(ca.Function("seen", [state], [outputs]).map(len(times))(path))
+        # The channels after the speed are three blocks with one row for each axle.
         slip, wheel_rate, sinkage = (channel.T for channel in np.split(output_values[1:], 3))
         per_axle = {"slip": slip, "wheel_rate": wheel_rate, "sinkage": sinkage}
         return {"x": np.array(path[0, :]).ravel(), "v": output_values[0], **per_axle}

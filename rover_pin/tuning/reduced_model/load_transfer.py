@@ -15,9 +15,9 @@ class AxleLoads(NamedTuple):
     """The linear law for the loads W of a rover's axles on a slope: W = at_rest cos a + shift X.
 
     W are the loads across a rover that climbs by the angle a, and X are the forward forces of the axles along the rover
-    [N]. All suspension angles are 0. The weight and the inertia force of a body act at the same point. A forward force
-    that accelerates the rover therefore has the same effect on the loads as a forward force that balances the weight on
-    a slope.
+    [N]. All suspension angles are 0. The weight and the inertia force of a body both act at its centre of mass. A
+    forward force that accelerates the rover therefore changes the loads like an equal forward force that balances the
+    weight on a slope.
     """
 
     at_rest: np.ndarray
@@ -65,15 +65,19 @@ def axle_loads(rover: Rover, gravity: float) -> AxleLoads:
         )
         for axis in np.eye(3)[[2, 0]]
     )
+    # The forces of the wheels are summed by axle, because the reduced model has one load for each axle.
     axles = np.array([wheel.axle for wheel in rover.wheels])
     member = (axles[:, None] == np.unique(axles)).astype(float)
     # Right-hand sides: the weight, and for each axle a force of 1 N that its wheels share, with the inertia.
     weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
     inertia = mass_matrix(rover, q)[:, :1] / rover.mass
     rhs = np.column_stack([weight, inertia - pushes @ (member / member.sum(axis=0))])
+    # If the balance does not determine the loads uniquely, as with three axles on a rigid body, the solution with the
+    # smallest sum of squares is taken.
     free = rover.free_dofs
     solution, *_ = np.linalg.lstsq(np.column_stack([lifts, constraint_rows(rover).T])[free], rhs[free], rcond=1e-10)
     loads = member.T @ solution[: len(rover.wheels)]
+    # The positions of the axles along the rover, with all suspension angles at 0.
     data = rover.model.createData()
     pin.forwardKinematics(rover.model, data, q)
     centres = np.array([data.oMi[wheel.joint].translation for wheel in rover.wheels])

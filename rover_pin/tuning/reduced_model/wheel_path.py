@@ -11,11 +11,11 @@ from rover_pin.terrain.terrain import Terrain
 SPACING = 0.001
 """Distance between the points at which the path of a wheel's centre is computed [m]."""
 SMOOTHING_LENGTH = 0.004
-"""Standard deviation of the normal density with which the slope of the path is smoothed [m], because soft soil rounds
-corners. The value is half the sinkage of a wheel on the sand of Table 1."""
+"""Standard deviation of the normal density that smooths the slope of the path [m], because soft soil rounds corners.
+The value is half the sinkage of a wheel on the sand of Table 1."""
 SLOPE_ERROR, HEIGHT_ERROR = 0.02, 0.001
-"""Maximum error by which straight pieces between knots may differ from the path, in the slope dz/dx [-] and in the
-height z [m]."""
+"""Maximum deviation of the straight pieces between knots from the path, in the slope dz/dx [-] and in the height z
+[m]."""
 
 
 class WheelPath(NamedTuple):
@@ -73,6 +73,7 @@ def wheel_path(terrain: Terrain, radius: float, lateral: float, low: float, high
     kernel = np.exp(-0.5 * (span / SMOOTHING_LENGTH) ** 2)
     padded = np.pad(np.gradient(z, SPACING), len(span) // 2, mode="edge")
     slope = np.convolve(padded, kernel / kernel.sum(), mode="valid")
+    # Slope and height have separate knots: each is needed to its own accuracy.
     slope_knots, height_knots = knot_indices(slope, SLOPE_ERROR), knot_indices(z, HEIGHT_ERROR)
     return WheelPath(x[slope_knots], slope[slope_knots], x[height_knots], z[height_knots])
 
@@ -84,6 +85,7 @@ def knot_indices(values: np.ndarray, error: float) -> np.ndarray:
     The values are evenly spaced. A piece is divided at its point of the largest error, until all errors are small
     enough (Ramer, Douglas and Peucker).
     """
+    # The pieces that still have to be tested wait in a list; the ends of the path are always knots.
     keep, todo = {0, len(values) - 1}, [(0, len(values) - 1)]
     while todo:
         first, last = todo.pop()
