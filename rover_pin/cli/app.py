@@ -317,7 +317,7 @@ def tune(
     allowed = Trust.of(effects, trust)
     tuning_study = read_tuning(study, allowed)
     tuning_study = (tuning_study if model is None else tuning_study.on_model(*models_of(model))).trusting(allowed)
-    # A drive that cannot get stuck, for example, does not help the tuning; the log warns of it before the long run.
+    # The log names the effects that the tuning cannot consider before the long run, so that the user may stop it.
     for line in cautions((*tuning_study.training, *tuning_study.held_out)):
         log.warning("%s", line)
     with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv", "drives.png", "frontier.png")):

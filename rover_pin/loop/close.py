@@ -205,7 +205,7 @@ def _read(request: LoopRequest) -> Measurements:
     Raises DataError if the data cannot be read, or if a joint fit is requested with a model or with an experiment file.
     """
     data, trust = request.data, Trust(everything=request.trust)
-    # Several folders give a joint fit, which declares its own base model and has no experiment file.
+    # Several folders give a joint fit of rig sets, which can use neither a model nor an experiment file.
     if isinstance(data, tuple):
         for noun, value in (("a model", request.model), ("an experiment's file", request.experiment)):
             if value is not None:

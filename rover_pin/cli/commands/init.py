@@ -69,7 +69,7 @@ def init(
         # The new set is read back and checked as close-loop would check it.
         data_check = check_data(folder)
     except RoverPinError:
-        # a set that cannot be used is not left behind; how its columns were read is what helps to mend the table
+        # A set that cannot be used is removed. The printed reading of the columns helps the user to correct the table.
         for file in files:
             file.unlink(missing_ok=True)
         if files and is_new:

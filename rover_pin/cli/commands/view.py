@@ -39,7 +39,7 @@ def view(
     from rover_pin.cli.subject import read_subject
 
     subject = read_subject(path, run, Trust(everything=trust))
-    # The second drive is shown together with the first one, on the ground of the first.
+    # The second drive is shown together with the first one.
     ghost = None if compare is None else read_subject(compare, run, Trust(everything=trust))
     wanted = requested_files(True, gif, mp4)
     with stoppable(out, wanted, [name for name in SEEN if name not in wanted]), alone_in(out):

@@ -132,7 +132,7 @@ def _body(place: BodyPlace, angles: ca.SX, rates: ca.SX, twist: ca.SX) -> Body:
     Quantities that the reduced model does not have, such as y, roll and yaw, are 0. `angles` and `rates` are the
     suspension angles and their rates; `twist` is the angle of the differential and its rate.
     """
-    # The reduced model knows only x, z, pitch and the forward speed of the base; the other quantities of the base are 0.
+    # The reduced model knows x, z, pitch and forward speed of the base; all other quantities of the base are 0.
     positions, speeds = (tuple(ca.vertsplit(column)) if column.numel() else () for column in (angles, rates))
     base = {**dict.fromkeys(Body._fields, 0.0), "x": place.x, "z": place.height, "pitch": place.pitch, "v_x": place.v}
     joint_values = {
