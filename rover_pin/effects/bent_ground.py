@@ -13,8 +13,8 @@ KNOTS = 5
 """Number of points in the band at which the slope is a free parameter. The slope is 0 at both ends of the band, so that
 it changes without a jump."""
 CHORDS = 8
-"""Number of straight pieces by which the height between two such points is approximated. A piece deviates from the
-exact parabola by at most (change of slope) x length / 3072."""
+"""Number of straight pieces that approximate the height between two such points. A piece deviates from the exact
+parabola by at most (change of slope) x length / 3072."""
 MAX_SLOPE, MAX_POSITION = 0.5, 1e4
 """Bounds of the slopes [rad], and of the position and length of the band [m]. A fit stays within them."""
 
@@ -30,7 +30,7 @@ class BentGround(BodyEffect):
     ground are lifted with it and are not turned. A height grid has no ground beyond its border, and nothing is added
     there.
 
-    Source: geometry; the sizes are assumed. Differs from the paper: its test bed is as it was built.
+    Source: geometry; the sizes are assumed. Differs from the paper: its test bed is not bent.
     """
 
     title: ClassVar[str] = "bent ground"
@@ -53,6 +53,7 @@ class BentGround(BodyEffect):
 
         Both tuples are empty if all slopes are 0.
         """
+        # The slope is 0 at both ends of the band.
         values = self.values()
         slopes = np.tan([0.0, *(float(values[name]) for name in self.neutral), 0.0])
         if not slopes.any():

@@ -19,9 +19,9 @@ class Bulldozing(Effect):
         D_1 = cot X + tan(X + phi),   D_2 = cot X + cot^2 X tan phi,   X = 45 deg - phi / 2,
 
     with the sinkage h, the wheel's width b and travel speed v, and cohesion c, friction angle phi and unit weight gamma
-    of the soil. B is the ratio of the resistance to that of a vertical plate of width b and height h: a wheel rolls
-    over most of the soil that a blade would push. The last factor is 1 while the wheel travels and 0 at rest, so that
-    the pressure never drives the wheel; u is the small speed `contact.fading`.
+    of the soil. B is the ratio of the resistance to the resistance of a vertical plate of width b and height h: a wheel
+    rolls over most of the soil that a blade would push. The last factor is 1 while the wheel travels and 0 at rest, so
+    that the pressure never drives the wheel; u is the small speed `contact.fading`.
 
     Source: Hegedus (1960), in the form of Ishigami, Miwa, Nagatani and Yoshida, J. Field Robotics 24 (2007) 233, who
     apply it to the sides of a wheel. Differs from the paper: its only resistance is the compaction resistance of the

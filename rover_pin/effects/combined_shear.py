@@ -31,7 +31,7 @@ class CombinedShear(Effect):
     With w = 1 this law replaces the side force of the effects before it (`SideShear`), for each newton of normal force
     as in `SoilTraction`. If the angles follow the sinkage, the contribution of the shear to f_n changes too. The moment
     about the vertical is the moment of f_y along the contact. An effect on the stresses (`PeakStress`) keeps its own
-    straight shear. `form` and `angles` are those of the model's `SoilTraction`.
+    straight shear. `form` and `angles` equal the form and the angles of the model's `SoilTraction`.
 
     Source and differences: `combined_forces`, `against_travel`. Differs from the paper: it has no side force.
     """
@@ -71,6 +71,7 @@ class CombinedShear(Effect):
         # pull.
         rut = sheared.along.compaction * pushed_aside(contact.S, contact.S_y)
         along = sheared.along._replace(f_t=sheared.along.f_t + rut)
+        # The changes of pull and torque for each newton of normal force.
         dF = self.form.factor(along, wheel, contact.S) - self.form.factor(straight, wheel, contact.S)
         dT = sheared.along.torque / sheared.along.f_n - straight.torque / straight.f_n
         # The effects before this one are scaled to the new normal force, then the changes of the force factors are

@@ -10,7 +10,7 @@ from rover_pin.contact import Scalar
 from rover_pin.effects.effect import Body, BodyEffect, Push
 
 MIN_COMPLIANCE = 1e-6
-"""Smallest compliance [rad/(N m)] by which the torque is divided: such a differential twists by 1e-6 rad under 1 N m. A
+"""Smallest compliance [rad/(N m)] as the divisor of the torque: such a differential twists by 1e-6 rad under 1 N m. A
 smaller value would divide by almost zero."""
 
 
@@ -50,6 +50,7 @@ class DifferentialCompliance(BodyEffect):
         The torque is zero within the backlash. It is also zero for a rigid differential, which the simulator holds by a
         constraint.
         """
+        # A Kelvin-Voigt shaft: a spring and a damper act on the twist beyond the backlash.
         half, over = 0.5 * self.backlash, self._over(body)
         torque = -(over + self.relaxation * body.twist_rate) / ca.fmax(self.compliance, MIN_COMPLIANCE)
         # Without compliance and backlash the rigid constraint acts, and the spring torque must vanish.
@@ -64,8 +65,8 @@ class DifferentialCompliance(BodyEffect):
         return ca.if_else(self.compliance + self.backlash > 0.0, elastic, 0.0)
 
     def _over(self, body: Body) -> Scalar:
-        """Return the part of the sum of both rocker angles that exceeds the backlash [rad], by which the shaft is
-        twisted.
+        """Return the part of the sum of both rocker angles that exceeds the backlash [rad]. The shaft is twisted by
+        this part.
         """
         half = 0.5 * self.backlash
         return body.twist - ca.fmax(-half, ca.fmin(half, body.twist))

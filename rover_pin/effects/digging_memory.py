@@ -10,8 +10,8 @@ from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect, State
 
 TOUCH = 1e-4
-"""Sinkage [m] above which a spinning rim digs at its full rate. Below it the rate falls linearly, to 0
-without contact."""
+"""Minimum sinkage [m] of a spinning rim that digs at its full rate. Below it the rate falls linearly, to 0 without
+contact."""
 
 
 @dataclass(frozen=True)
@@ -25,14 +25,14 @@ class DiggingMemory(Effect):
     hole. D cannot exceed d r, the depth at which the walls fall in as fast as the rim throws sand out. At constant slip
     D = d r q / (d r + q) with q = c_d L S / (1 - S). The wheel climbs out of the hole over the travel L. s = v /
     sqrt(v^2 + u^2) is the sense of travel, with the small speed u of `contact.fading`: a wheel that spins in its hole
-    and cannot climb stands still and does not creep out.
+    and cannot climb does not move and does not creep out.
 
     The resistance has the power f_n D v s / L, which is exactly the power of lifting the load out of the hole, in every
     traction form and at every speed. No compaction is counted twice. In contrast to `SlipSinkage`, the hole depends on
     the history of the slip and stays during a stop. L has a lower bound, because a hole that the wheel leaves within
     less than about r / 2 would be a drag without depth.
 
-    Source: assumed form; conservation of energy. Differs from the paper: it says that digging is not modelled.
+    Source: assumed form; conservation of energy. Differs from the paper: it states that digging is not modelled.
     """
 
     title: ClassVar[str] = "digging"

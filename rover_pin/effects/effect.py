@@ -56,7 +56,7 @@ class Effect(Record):
     meaning: ClassVar[str] = ""
     "explanation as a clause without a full stop, which can follow 'because'"
     before_slip: ClassVar[bool] = False
-    "whether `amend` changes the speeds from which the slip is computed"
+    "whether `amend` changes the speeds that the slip is computed from"
     states: ClassVar[tuple[State, ...]] = ()
     neutral: ClassVar[dict[str, float]] = {}
     places: ClassVar[tuple[str, ...]] = ()
@@ -204,9 +204,7 @@ def joints_called(joint: str, names: Sequence[str]) -> tuple[str, ...]:
 
 
 class Push(NamedTuple):
-    """Forces and torques with which a body effect pushes the base and the suspension joints. The pushes of several
-    effects add.
-    """
+    """Forces and torques of a body effect on the base and the suspension joints. The pushes of several effects add."""
 
     f_x: Scalar = 0.0
     "force on the base at its origin, in the world [N]"
@@ -267,7 +265,7 @@ class BodyEffect(Record):
         return self
 
     def push(self, body: Body) -> Push:
-        """Return the forces and torques with which this effect pushes the base and the joints of the suspension."""
+        """Return the forces and torques of this effect on the base and the joints of the suspension."""
         return Push()
 
     def stored_energy(self, body: Body) -> Scalar:
@@ -309,8 +307,7 @@ class SensorEffect(Record):
     places: ClassVar[tuple[str, ...]] = ()
 
     def undo(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the true channels that belong to the logged channels; channels that the sensor logs correctly are left
-        out.
+        """Return the true channels that belong to the logged channels, without channels that the sensor logs correctly.
 
         `t` are the times [s], and `channels` maps names to logged values. A replay uses the true channels as its
         inputs.
@@ -318,8 +315,8 @@ class SensorEffect(Record):
         return {}
 
     def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the channels as the sensor logs them, for given true channels; channels that the sensor logs correctly
-        are left out.
+        """Return the channels as the sensor logs them, for given true channels, without channels that the sensor logs
+        correctly.
 
         `t` are the times [s], and `channels` maps names to true values.
         """

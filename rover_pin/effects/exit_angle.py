@@ -21,8 +21,8 @@ class ExitAngle(Effect):
     lambda, for angles that follow the sinkage, and the fixed theta_2 of the soil. The contact ends between the axle and
     the mirror image of its front end. At S = 0 the soil's own values hold.
 
-    Source: the ratio is that of Ishigami, Miwa, Nagatani and Yoshida, J. Field Robotics 24 (2007) 233; its slope with
-    slip is an assumed form. Differs from the paper: it holds theta_2 constant.
+    Source: the ratio follows Ishigami, Miwa, Nagatani and Yoshida, J. Field Robotics 24 (2007) 233; its slope with slip
+    is an assumed form. Differs from the paper: it holds theta_2 constant.
     """
 
     title: ClassVar[str] = "growing exit angle"

@@ -18,7 +18,7 @@ PRESSURE_CENTRE = 0.43
 """Height at which the pressure on the wheel's disc acts, above the lowest point of the wheel, as a fraction of the
 sinkage: 1 - 2/3 of 6/7, for a shallow circular segment."""
 ROUNDING = 0.05
-"""Fraction of the full pressure below which the absolute value in the rubbing force is rounded, so that the force
+"""Fraction of the full pressure. Below it, the absolute value in the rubbing force is rounded, so that the force
 changes smoothly at straight travel. The pressure reaches this fraction at a slip angle of about 2 deg."""
 
 
@@ -32,7 +32,7 @@ class FlankPressure(Effect):
         p(h) = D_1 (c h + gamma cot X (u h + (1 - cot X tan phi_f) h^2 / 2)),   X = 45 deg - phi_f / 2.
 
     p(h) is the force that a wall of depth h = r (cos theta - cos theta_1) bears for each metre of width, with D_1 of
-    `soil.passive`. The wall is the buried segment of the disc, in ground that is level beside the rut. If the wheel
+    `soil.passive`. The wall is the buried segment of the disc, in ground that is level next to the rut. If the wheel
     runs in a trench that its lugs have cut, the segment reaches from the trench bottom up to that ground. Hegedus'
     formula assumes a heap of sand that ends where the sliding wedge ends, at a distance h cot X. Here the heap is u
     high at the disc and falls off at the angle phi_f, and only its part above the wedge loads the wedge. The heap holds
@@ -73,11 +73,12 @@ class FlankPressure(Effect):
     neutral: ClassVar[dict[str, float]] = {"share": 0.0}
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
-        """Return the load of the sand beside the wheel: the side force on the disc, the rubbing force along it, and the
-        torque of this rubbing about the axle.
+        """Return the load of the sand next to the wheel: the side force on the disc, the rubbing force along it, and
+        the torque of this rubbing about the axle.
         """
         r, soil, h = contact.wheel.r, contact.soil, contact.h + contact.trench
         theta_1, _ = SinkageAngles().angles(h, contact.wheel, soil)
+        # At rest the rubbing fades, so that it never drives the wheel.
         u = fading(contact.rim, self.v_0, 1.0)
         # The fraction of the travel that goes sideways decides how much sand the segment sweeps into the heap.
         aside = ca.fabs(contact.v_y) / ca.sqrt(contact.travel**2 + u * u)
@@ -96,7 +97,7 @@ class FlankPressure(Effect):
 
     def _passive(self, theta_1: Scalar, r: Scalar, c: Scalar, half_rut: Scalar, aside: Scalar) -> Scalar:
         """Return the passive force of the soil on the buried segment of the disc [N], with a heap of the displaced sand
-        beside the disc.
+        next to the disc.
 
         `theta_1` is the entry angle, `r` the wheel's radius and `c` the cohesion. `half_rut` is the cross-section of
         half the rut [m^2], and `aside` the fraction of the travel that goes sideways [-].

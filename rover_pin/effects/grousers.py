@@ -55,6 +55,7 @@ class Grousers(Effect):
         braking = ca.if_else(faster < 1.0, S + (q - 1.0) * (1.0 + S), 1.0 - 1.0 / ca.fmax(faster, 1.0))
         # The slip of a driven wheel at the larger radius: v is unchanged, while the rim speed grows by q.
         driving = S + (1.0 - S) * (1.0 - 1.0 / q)
+        # The shear displacement at r_s is larger by q, which is written as a smaller modulus k.
         soil = contact.soil.replace(k=contact.soil.k / q)
         return contact._replace(S=ca.if_else(S < 0.0, braking, driving), soil=soil)
 

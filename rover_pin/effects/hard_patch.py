@@ -11,7 +11,7 @@ from rover_pin.contact import Contact, Scalar
 from rover_pin.effects.effect import Effect
 
 EDGE = 0.01
-"""Width [m] of each edge of the band, in which the change of the soil rises from 12 % to 88 % (assumed)."""
+"""Width [m] of each edge of the band (assumed). Within it, the change of the soil rises from 12 % to 88 %."""
 MAX_PHI = math.radians(60.0)
 """Largest friction angle of a `Soil` [rad]; the soil in the band cannot exceed it."""
 
@@ -28,7 +28,7 @@ class HardPatch(Effect):
     0 and 60 deg.
 
     Source: assumed form; Wong, Theory of Ground Vehicles, for the fact that compaction raises stiffness and friction
-    together. Differs from the paper: its soil is the same everywhere.
+    together. Differs from the paper: its soil is uniform.
     """
 
     title: ClassVar[str] = "patch of other soil"
@@ -44,7 +44,7 @@ class HardPatch(Effect):
     places: ClassVar[tuple[str, ...]] = ("x_from", "length")
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact with the soil at the wheel's position: that of the band inside it, the unchanged soil
+        """Return the contact with the soil at the wheel's position: the band's soil inside the band, the unchanged soil
         outside.
         """
         # Stiffness and friction change together, as compaction changes them; phi stays within the bounds of a soil.

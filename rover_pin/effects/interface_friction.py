@@ -18,8 +18,8 @@ class InterfaceFriction(Effect):
         tan phi <- m tan phi,   c <- m c,   m = tan delta / tan phi
 
     delta is the friction angle between rim and sand. Given as a fraction m <= 1 of the soil's own strength, the minimum
-    of both strengths needs no corner; m = 1 is a rim as rough as the sand. The adhesion is assumed to be the same
-    fraction of the cohesion c.
+    of both strengths needs no corner; m = 1 is a rim as rough as the sand. The adhesion is assumed to be the fraction m
+    of the cohesion c.
 
     Source: Potyondy, Geotechnique 11 (1961) 339, ratios of skin friction to soil friction by material and finish.
     Differs from the paper: Eq (3) has the soil's strength only.
@@ -32,7 +32,9 @@ class InterfaceFriction(Effect):
     neutral: ClassVar[dict[str, float]] = {"m": 1.0}
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact with a soil whose strength is reduced to that of the interface between rim and sand."""
+        """Return the contact with a soil whose strength is reduced to the strength of the interface between rim and
+        sand.
+        """
         soil = contact.soil
         # The tangent of phi is scaled, not the angle: the friction force is proportional to the tangent.
         phi = ca.atan(self.m * ca.tan(soil.phi))

@@ -10,10 +10,10 @@ from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect, State
 
 TOUCH = 1e-4
-"""Sinkage [m] above which lugs cut at their full rate. Below it the rate falls linearly, to 0 without contact."""
+"""Minimum sinkage [m] of lugs that cut at their full rate. Below it the rate falls linearly, to 0 without contact."""
 MIN_TRAVEL_SPEED = 1e-4
-"""Travel speed [m/s] below which the rise of the wheel per metre of travel is reduced, so that it stays finite at
-standstill."""
+"""Minimum travel speed [m/s] for the full rise of the wheel per metre of travel. Below it the rise is reduced, so that
+it stays finite at standstill."""
 
 
 @dataclass(frozen=True)
@@ -63,5 +63,6 @@ class LugExcavation(Effect):
         V = contact.travel
         # Speed of the ground past the lugs: the whole travel, with the sign of the travel along the wheel.
         passing = V - ca.fabs(contact.v_x) + contact.v_x
+        # Only lugs that move faster than the ground below them carry sand away, and only in contact with it.
         cut = self.h_l * self.filled * ca.fmax(contact.rim - passing, 0.0) * ca.fmin(contact.h / TOUCH, 1.0)
         return ((cut * (1.0 - 2.0 * x[0] / contact.wheel.r) - x[0] * V) / self.length,)

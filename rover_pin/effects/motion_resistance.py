@@ -17,15 +17,15 @@ class MotionResistance(Effect):
     Eq (7) contains the compaction resistance as a force that pushes even a parked rover backwards. The torque and gross
     forms contain no resistance, and wheels would run at S < 0 on level ground with them. R is one number for a drive.
     It does not depend on the sinkage or on changes of the soil by other effects (`MultiPass`, `HardPatch`,
-    `LoadExponent`); effects by which slip digs (`DiggingMemory`, `SlipSinkage`, `SkidSinkage`) bring their own
+    `LoadExponent`); effects of digging by slip (`DiggingMemory`, `SlipSinkage`, `SkidSinkage`) bring their own
     resistance. If R is not declared, it is the traction factor F(0.05) of the soil, wheels and load of the drive (0.028
     for Table 1: `simulation.model.cruise.default_resistance`). If R is declared below F(0), driven wheels skid on level
     ground, and the drive reports this.
 
     The resistance is a Coulomb force: at rest any fraction of it may act. It fades below the travel speed u = v_0 (v_0
     / sqrt(v_0^2 + (r omega)^2))^q (`fading`). u is v_0 for wheels at rest, so that a parked rover is not pushed, and
-    less than a tenth of v_0 under a rim at 50 mm/s. On slopes between tan = F(1) - R and tan = F(1), a rover should
-    stand while its wheels turn. There it creeps at u x / sqrt(1 - x^2), with x = (F(1) - tan) / R. This error goes to 0
+    less than a tenth of v_0 under a rim at 50 mm/s. On slopes between tan = F(1) - R and tan = F(1), a rover should not
+    move while its wheels turn. There it creeps at u x / sqrt(1 - x^2), with x = (F(1) - tan) / R. This error goes to 0
     with v_0.
 
     Source: assumed (the paper's factor from the torque has no such term). Differs from the compaction resistance by Eqs
@@ -45,7 +45,7 @@ class MotionResistance(Effect):
         return Load(f_t=-self.R * load.f_n * contact.sense(self.v_0, self.q))
 
     def fading(self, rim: Any) -> Any:
-        """Return the travel speed [m/s] below which the resistance is reduced, for a wheel with the rim speed `rim`
-        [m/s].
+        """Return the minimum travel speed [m/s] of the full resistance, for a wheel with the rim speed `rim` [m/s].
+        Below it, the resistance is reduced.
         """
         return fading(rim, self.v_0, self.q)

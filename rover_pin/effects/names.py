@@ -35,6 +35,7 @@ def display_name(name: str, kinds: Iterable[type]) -> str:
         # The class, then the owner (a wheel or channel) in brackets, then the position behind the @.
         matched = re.fullmatch(r"(\w+)(?:\[([^\]]*)\])?(?:@(.+))?", part)
         if matched is None or matched[1] not in titles:
+            # An unknown part, such as a parameter that was freed from its prior, keeps its name.
             words.append(part)
             continue
         owner = f" ({matched[2]})" if matched[2] else ""

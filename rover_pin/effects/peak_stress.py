@@ -27,7 +27,8 @@ class PeakStress(Effect):
     peak at the angle theta_m. q is the ratio of their normal forces at the angles of the sinkage; F and M are the
     ratios of f_t and torque / r to f_n. All forces of the effects before that are proportional to f_n grow by w (q -
     1), and w q dF f_n and w q dM r f_n are added, where dF and dM are the differences of F and M between both stresses.
-    `form` and `angles` must be those of the model's `SoilTraction`, whose forces this effect replaces.
+    `form` and `angles` must equal the form and the angles of the model's `SoilTraction`, whose forces this effect
+    replaces.
 
     Source: Wong and Reece, J. Terramechanics 4(1) (1967) 81; values: Ishigami, Miwa, Nagatani and Yoshida, J. Field
     Robotics 24 (2007) 233. Differs from the paper: its peak lies under the axle. Differs from Wong and Reece: theta_m

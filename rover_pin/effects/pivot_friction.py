@@ -10,7 +10,7 @@ from rover_pin.contact import Scalar
 from rover_pin.effects.effect import Body, BodyEffect, Push
 
 MIN_RATE_RATIO = 1e-9
-"""Smallest x for which tanh(x) / x is evaluated, to avoid 0 / 0. The relative error is far below round-off."""
+"""Smallest x in tanh(x) / x, which avoids 0 / 0. The relative error is far below round-off."""
 
 
 @dataclass(frozen=True)

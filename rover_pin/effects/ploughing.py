@@ -16,10 +16,10 @@ from rover_pin.soil.slip import ACROSS_SHARE, positive_part
 
 MIN_ROLLED_FRACTION, SHARPNESS = 0.2, 16
 """Smallest value of 1 + S (the fraction of the travel that a braked wheel rolls), and exponent that sets how sharply
-this limit is rounded. A locked wheel rests on sand like a plate, and ploughs as much as a wheel at S = -0.8 (assumed).
+this limit is rounded. A locked wheel rests on sand like a plate, and ploughs like a wheel at S = -0.8 (assumed).
 """
 MAX_LOST_REAR = 0.9
-"""Largest fraction of the entry angle by which the rear end of the contact can move in front of the axle."""
+"""Maximum distance of the contact's rear end in front of the axle, as a fraction of the entry angle."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,7 @@ class Ploughing(Effect):
         # The state is the skid; a_b times the skid is the lost logarithm of the stiffness, since 1 - p = exp(-a_b x).
         contact, lost = loosen(contact, self.a_b * x[0]), self.e_b * self._pushed_share(x[0])
         soil = contact.soil
+        # The lean on the heap moves the rear end of the contact forwards, in both descriptions of the exit angle.
         ratio = ca.fmax(soil.exit_ratio - lost, -MAX_LOST_REAR)
         theta_2 = ca.fmin(soil.theta_2 + lost * soil.theta_1, MAX_LOST_REAR * soil.theta_1)
         return contact._replace(soil=soil.replace(exit_ratio=ratio, theta_2=theta_2))
@@ -71,6 +72,7 @@ class Ploughing(Effect):
         """Return the resistance f_t [N] of the heap in front of the wheel, of the deeper rut, and of the climb out of
         the rut.
         """
+        # The heap is a wall as deep as the wheel has sunk, and as wide as the wheel.
         h = ca.fmax(contact.h, 0.0)
         wall = contact.wheel.b * passive(self.phi_f).per_width(h, contact.soil.c, self.gamma)
         # The wheel is lifted while the followed skid is larger than the present one.
@@ -78,6 +80,7 @@ class Ploughing(Effect):
         # The heap faces the heading: kappa of `against_travel` is the part of the sideways speed that counts.
         v, v_y, u = contact.v_x, ACROSS_SHARE * contact.v_y, fading(contact.rim, self.v_0, 1.0)
         heap = self.share * self._pushed_share(x[0]) * wall * v / ca.sqrt(v * v + v_y * v_y + u * u)
+        # The deeper rut is compared with the rut in the sand without this effect's loss of stiffness.
         firm = softer(contact, share_of(contact, self.a_b * x[0]))
         return Load(f_t=-heap - up * contact.sense(self.v_0) - rut_cost(contact, firm))
 
@@ -86,8 +89,8 @@ class Ploughing(Effect):
         return (approach(contact, _skid(contact) - x[0]) / self.length,)
 
     def _pushed_share(self, skid: Scalar) -> Scalar:
-        """Return the fraction [-] of the sand in the wheel's way that is pushed ahead, for the skid state `skid`, which
-        follows -ln(1 + S).
+        """Return the fraction [-] of the sand in front of the wheel that is pushed ahead, for the skid state `skid`,
+        which follows -ln(1 + S).
         """
         return -ca.expm1(-self.a_b * ca.fmax(skid, 0.0))
 

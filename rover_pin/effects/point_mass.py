@@ -15,7 +15,8 @@ class PointMass(BodyEffect):
 
     The shift is in the axes of the base. m is a point at the centre of mass, so that each parameter has one meaning and
     the drive is smooth in all of them. A single mass m at the position r is the shift m (r - c) / (M + m) from the
-    centre of mass c of a rover of mass M. Negative values correct a URDF with too much mass or a shift the other way.
+    centre of mass c of a rover of mass M. Negative values correct a URDF with too much mass or with a shift in the
+    other direction.
 
     Source: rigid-body statics. Differs from the paper: nothing; its masses are not stated.
     """

@@ -24,8 +24,8 @@ class PostPeak(Effect):
     the load of the effects before it.
 
     Source: Wong, Theory of Ground Vehicles, shear curves with a peak and a residual stress (section 2.4.3). Differs
-    from the paper: its text says that soil fails past the maximum shear, but its Eq (2) has no loss. Differs from Wong:
-    the loss depends on the slip, not on the displacement at each point, and f_n keeps the small part that shear
+    from the paper: its text states that soil fails past the maximum shear, but its Eq (2) has no loss. Differs from
+    Wong: the loss depends on the slip, not on the displacement at each point, and f_n keeps the small part that shear
     contributes to Eq (6).
     """
 

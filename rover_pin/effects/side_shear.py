@@ -48,6 +48,7 @@ class SideShear(Effect):
         # Shear displacement across the wheel and shear strength of the contact area, both at the angles of the sinkage.
         j_y = contact.S_y * length / 2.0
         strength = soil.c * wheel.b * length + load.f_n * ca.tan(soil.phi)
+        # The shear builds up with the sideways displacement, as along the heading.
         grip = mobilised_both_ways(j_y / soil.k)
         # Strength that f_t uses is not available for f_y.
         reserve = ca.fmax(strength * strength - load.f_t * load.f_t, (MIN_RESERVE * strength) ** 2 + 1e-24)

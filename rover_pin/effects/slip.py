@@ -23,7 +23,7 @@ class AlgebraicSlip(Effect):
         S = (r omega - v) / max(|r omega|, |v|, v_0), within [-1, 1]
 
     Differs from the paper: only below the speed v_0, because Eq (1) is undefined at rest. A parked wheel then creeps at
-    a fraction of v_0. Use `RelaxedSlip` if a rover has to stand still.
+    a fraction of v_0. Use `RelaxedSlip` if a rover has to stay at rest.
     """
 
     title: ClassVar[str] = "slip ratio"
@@ -46,7 +46,7 @@ class RelaxedSlip(Effect):
         L ds/dt = r omega - v - max(|r omega|, |v|) s,   S = s + T ds/dt
 
     In the steady state S obeys Eq (1). At rest the state s keeps its value. T (`damping`) damps the oscillation of the
-    rover's mass on the slip. The sideways slip S_y follows the sideways speed in the same way.
+    rover's mass on the slip. The sideways slip S_y follows the sideways speed by an equal law.
 
     Source: first-order relaxation with damping at low speed, as for tyres (Pacejka, Tyre and Vehicle Dynamics). Differs
     from the paper: it has Eq (1) only.
@@ -67,9 +67,7 @@ class RelaxedSlip(Effect):
         return contact._replace(S=ca.fmin(1.0, ca.fmax(-1.0, S)), S_y=S_y)
 
     def rate(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-        """Return the time derivatives [1/s] of the slip states: of the slip along the wheel, and of the
-        sideways slip.
-        """
+        """Return the time derivatives [1/s] of the two slip states, the slip along the wheel and the sideways slip."""
         # Divided by the rolling speed, the equation relaxes over a length of travel; at rest the states stay.
         rolling = ca.fmax(ca.fabs(contact.rim), ca.fabs(contact.v_x))
         along = (contact.rim - contact.v_x - rolling * x[0]) / self.length

@@ -13,8 +13,8 @@ from rover_pin.soil.compaction import sinking_resistance
 MIN_EXPONENT, MAX_EXPONENT = 0.05, 3.0
 "Bounds of the sinkage exponent n, equal to the bounds of `Soil.n`."
 FADING_SPEED = 0.001
-"""Travel speed [m/s] below which the resistance of the rut is reduced, so that it vanishes at rest (see
-`contact.fading`). It is the value of `DiggingMemory` (assumed)."""
+"""Minimum travel speed [m/s] for the full resistance of the rut. Below it the resistance is reduced, so that it
+vanishes at rest (see `contact.fading`). It is the value of `DiggingMemory` (assumed)."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class SlipSinkage(Effect):
 
     Source: Ding, Gao, Deng and Tao, J. Cent. South Univ. Technol. 17 (2010) 129, doi 10.1007/s11771-010-0021-7: the
     sinkage at S = 0.6 is 3 to 7 times the static one, by an exponent that changes with slip. Differs from the paper: it
-    holds n constant, and says that digging is not modelled.
+    holds n constant, and states that digging is not modelled.
     """
 
     title: ClassVar[str] = "slip-sinkage"

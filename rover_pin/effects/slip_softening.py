@@ -14,8 +14,8 @@ from rover_pin.soil.slip import drift, positive_part
 DRIFT_SCALE = 0.4
 """Sine of the slip angle at which sideways motion has reached 63 % of the loosening that it can cause."""
 RIM_SHARE = 0.02
-"""Fraction of the rim's distance that loosens sand under a wheel that stands still (assumed). The measured transients
-up to S = 0.9 show no such loosening."""
+"""Fraction of the rim's distance that loosens sand under a wheel that does not travel (assumed). The measured
+transients up to S = 0.9 show no such loosening."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ class SlipSoftening(Effect):
     The state x follows the loosening z over the length L of a contact, at the speed V over the ground. z_S = S (2 - S)
     for S > 0, and 0 for S < 0 (see `Ploughing`). Its slope dz/dS = 2 (1 - S) falls with slip, because the rim can only
     loosen the sand that comes in fresh, a fraction 1 - S of its distance. z_y = 1 - exp(-(d / 0.4)^2), with d =
-    `slip.drift`, about the sine of the slip angle: sideways motion loosens sand as much as slip does, at most by a, and
-    nearly by all of it at 45 deg. Loose sand is not loosened again, so that slip, drift and skid add like the sides of
-    a right angle (`loosen`).
+    `slip.drift`, about the sine of the slip angle: sideways motion loosens sand by up to a, like slip, and by nearly a
+    at 45 deg. Loose sand is not loosened again, so that slip, drift and skid add like the sides of a right angle
+    (`loosen`).
 
     The sinkage grows as exp(a x / (n + 1/2)) at any h / b, while a growing exponent (`SlipSinkage`) has no effect at h
     = b. Because x lags behind z, digging goes on at constant slip. The deeper rut costs work (`rut_cost`). The rise of
@@ -40,7 +40,7 @@ class SlipSoftening(Effect):
 
     Source: z_S is a fitted form, compared in studies/wheel_laws.py; z_y and the right angle are derived here, new, from
     seven measured sets of one sand; L comes from the transients of studies/close_the_loop.py. Differs from the paper:
-    it holds k_1 and k_2 constant, and says that digging is not modelled.
+    it holds k_1 and k_2 constant, and states that digging is not modelled.
     """
 
     title: ClassVar[str] = "slip-softening"
@@ -93,9 +93,7 @@ def loosen(contact: Contact, log_lost: Scalar) -> Contact:
 
 
 def share_of(contact: Contact, log_lost: Scalar) -> Scalar:
-    """Return the part [-] of the total loss of ln stiffness for which one effect is responsible, whose own loss is
-    `log_lost`.
-    """
+    """Return the part [-] of one effect, whose own loss is `log_lost`, in the total loss of ln stiffness."""
     size = ca.fabs(log_lost)
     return log_lost * size / ca.fmax(contact.loosened, size + SMOOTHING)
 

@@ -44,7 +44,7 @@ class SoilTraction(Effect):
         return not (isinstance(self.form, NetTraction) and isinstance(self.angles, SinkageAngles))
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact with a mark (`Contact.uncompacted`) that tells later effects whether they must add the
+        """Return the contact with a mark (`Contact.uncompacted`). The mark states whether later effects must add the
         resistance of a deeper rut.
         """
         return contact._replace(uncompacted=float(self.leaves_compaction_out))

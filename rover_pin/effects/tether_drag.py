@@ -23,7 +23,7 @@ class TetherDrag(BodyEffect):
 
     Source: assumed form, dry friction of a rope. Differs from the paper: its rover drags nothing. Differs from a cable:
     the force opposes the velocity instead of pulling along the rope, it acts at the base's origin, and a rope that
-    slackens on the way back is not modelled.
+    slackens on the return is not modelled.
     """
 
     title: ClassVar[str] = "tether drag"
@@ -47,7 +47,7 @@ class TetherDrag(BodyEffect):
         return self.replace(x_0=self.x_0 + x, y_0=self.y_0 + y)
 
     def push(self, body: Body) -> Push:
-        """Return the force [N] with which the cable pulls the base, against its horizontal velocity."""
+        """Return the pull [N] of the cable on the base, against the base's horizontal velocity."""
         x, y = body.x - self.x_0, body.y - self.y_0
         # A small number keeps the root differentiable at the start of the tether.
         distance = ca.sqrt(x * x + y * y + 1e-12)

@@ -11,8 +11,8 @@ from rover_pin.contact import Scalar
 from rover_pin.effects.effect import SensorEffect
 
 DRAWN = "drawn_yaw"
-"""Name of a channel of a replay: the rotation [rad] by which the replay is turned towards the logged heading, and which
-its body_yaw does not contain."""
+"""Name of a channel of a replay: the rotation [rad] of the replay towards the logged heading, which its body_yaw does
+not contain."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,15 @@ class TrackedPoint(SensorEffect):
     y: Scalar = quantity(0.0, "m", "assumed: over the base's origin; to the left", -10.0, 10.0, "y")
 
     def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the position and velocity of the tracked point, from those of the base's origin."""
+        """Return the position and velocity of the tracked point, from the position and velocity of the base's
+        origin.
+        """
         return self._move_channels(t, channels, 1.0)
 
     def undo(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the position and velocity of the base's origin, from those of the tracked point."""
+        """Return the position and velocity of the base's origin, from the position and velocity of the tracked
+        point.
+        """
         return self._move_channels(t, channels, -1.0)
 
     def _move_channels(self, t: np.ndarray, channels: Mapping[str, np.ndarray], sense: float) -> dict[str, np.ndarray]:
@@ -50,5 +54,6 @@ class TrackedPoint(SensorEffect):
         arm = sense * (self.x + 1j * self.y) * np.exp(1j * (channels["body_yaw"] + channels.get(DRAWN, 0.0)))
         # The velocity of the point differs by the rate of this arm.
         rate = np.gradient(arm, t)
+        # Only channels that the log has are moved.
         added = {"body_x": arm.real, "body_y": arm.imag, "body_vx": rate.real, "body_vy": rate.imag}
         return {name: channels[name] + more for name, more in added.items() if name in channels}

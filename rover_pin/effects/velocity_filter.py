@@ -28,12 +28,13 @@ class VelocityFilter(SensorEffect):
     neutral: ClassVar[dict[str, float]] = {"tau": 0.0}
 
     def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the body's velocities after the low-pass filter, as they are logged."""
+        """Return the logged velocities of the body: the velocities after the low-pass filter."""
         if self.tau == 0.0:
             return {}
         smoothed = {}
         for name in (name for name in VELOCITIES if name in channels):
             v = channels[name]
+            # The filter starts at the first sample, so that a constant velocity passes unchanged.
             y = np.array(v, dtype=float)
             for k in range(1, len(t)):
                 # Exact step of the filter: the particular solution lags a ramp by tau, the rest decays.

@@ -13,8 +13,8 @@ class WheelScale(Effect):
     """All wheels are larger or smaller than declared: r <- (1 + e) r for the rim speed, the contact arc and the lever
     of the soil torque.
 
-    The effect acts before the slip, so that the slip is the slip of the true rim. Neglected: the ride height and the
-    position of the contact with the terrain stay those of r, and so does the mass.
+    The effect acts before the slip, so that the slip is the slip of the true rim. Neglected: the ride height, the
+    position of the contact with the terrain, and the mass do not change with e.
 
     Source: geometry; the size is assumed, a rim with lugs or with sand on it. Differs from the paper: nothing; its
     radius is only taken as exact.

@@ -26,8 +26,8 @@ class Angles(Protocol):
 
 @dataclass(frozen=True)
 class FixedAngles:
-    """Rule for the contact arc of a wheel in which the entry angle and the exit angle are constants of the soil,
-    theta_1 and theta_2, at every sinkage, as in the paper's Figs 3 and 6.
+    """Rule for the contact arc of a wheel: the entry angle and the exit angle are constants of the soil, theta_1 and
+    theta_2, at every sinkage, as in the paper's Figs 3 and 6.
     """
 
     def angles(self, h: Scalar, wheel: Wheel, soil: Soil) -> tuple[Scalar, Scalar]:
@@ -37,17 +37,17 @@ class FixedAngles:
 
 @dataclass(frozen=True)
 class SinkageAngles:
-    """Rule for the contact arc of a wheel in which both angles grow with the sinkage h. Eq (5) of the paper, h = r (1 -
-    cos theta_1), gives the entry angle theta_1 for the wheel radius r. The exit angle is theta_2 = -exit_ratio theta_1,
+    """Rule for the contact arc of a wheel: both angles grow with the sinkage h. Eq (5) of the paper, h = r (1 - cos
+    theta_1), gives the entry angle theta_1 for the wheel radius r. The exit angle is theta_2 = -exit_ratio theta_1,
     where exit_ratio is a constant of the soil.
 
     Differs from the paper: the paper holds both angles constant, at theta_1 = 35 deg and theta_2 = -5 deg (Table 1).
-    Here only the ratio of these two angles is kept, so that a wheel with a small load has a contact arc as well.
+    Here only the ratio of these two angles is kept, so that a wheel with a small load also has a contact arc.
     """
 
     def angles(self, h: Scalar, wheel: Wheel, soil: Soil) -> tuple[Scalar, Scalar]:
         """Return entry angle theta_1 and exit angle theta_2 [rad] of a wheel that has sunk by h [m]. If h is larger
-        than the wheel radius, the result is that of a wheel that has sunk to its axle.
+        than the wheel radius, the result holds for a wheel that has sunk to its axle.
         """
         # h = r (1 - cos theta_1) = 2 r sin^2(theta_1 / 2), which loses no digits at small angles.
         half_sine = ca.sqrt(ca.fmin(ca.fmax(h / (2 * wheel.r), SHALLOW), 0.5))

@@ -31,8 +31,8 @@ class Arc(NamedTuple):
     """int tau sin theta dtheta: proportional to the part of the normal force that the shear stress carries"""
 
     def plus(self, arc: Arc) -> Arc:
-        """Return the integrals over two parts of the contact arc together: the sum of these integrals and those of
-        `arc`.
+        """Return the integrals over two parts of the contact arc together: the sum of these integrals and the integrals
+        of `arc`.
         """
         return Arc(*(mine + theirs for mine, theirs in zip(self, arc, strict=True)))
 
@@ -68,6 +68,7 @@ def integrate(
         Nodes and weights of the quadrature on [0, 1].
     """
     cohesion, friction, n = strength
+    # The angle s is measured from the entry angle, where the stress begins, so that small arcs lose no digits.
     cos_1, sin_1 = ca.cos(theta_1), ca.sin(theta_1)
     half_start, half_length = start / 2, (end - start) / 2
     total = Arc(0.0, 0.0, 0.0, 0.0)
@@ -78,7 +79,9 @@ def integrate(
         chord = 2 * ca.sin(half)
         depth, rise = ca.sin(theta_1 - half) * chord, ca.cos(theta_1 - half) * chord
         cos, sin = cos_1 + depth, sin_1 - rise
+        # Stress and strength at this node, in units of `stress_scale`.
         sigma = relative_stress(depth, n)
         tau = weight * (cohesion + friction * sigma) * law(2 * half, rise)
         total = total.plus(Arc(weight * sigma * cos, tau, tau * cos, tau * sin))
+    # The nodes are on [0, 1]; the length of the part turns the sums into integrals over the angle.
     return Arc(*(2 * half_length * part for part in total))

@@ -14,8 +14,8 @@ from rover_pin.soil.stress import strength, stress_scale
 from rover_pin.soil.wheel_forces import WheelForces, assemble
 
 MIN_SHIFT = 1e-12
-"""Shear displacement divided by the shear displacement modulus k of the soil [-], below which the shear stress fades to
-zero. Without this limit, the direction of a displacement of zero would be 0 / 0."""
+"""Minimum shear displacement, divided by the shear displacement modulus k of the soil [-]. Below it, the shear stress
+fades to zero. Without this limit, the direction of a displacement of zero would be 0 / 0."""
 
 
 class ShearedSideways(NamedTuple):
@@ -102,6 +102,7 @@ def combined_forces(
         _, y, fraction = shifts(s, rise)
         return y * fraction
 
+    # One quadrature rule serves both directions: the normal stress is the same, only the mobilised fractions differ.
     strong, rule = strength(wheel, soil), entry_graded(nodes)
     arc = integrate(theta_1, 0.0, length, along, strong, rule)
     side = integrate(theta_1, 0.0, length, across, strong, rule)

@@ -39,7 +39,7 @@ def compaction(theta_1: Scalar, length: Scalar, wheel: Wheel, soil: Soil) -> Sca
 
 def sinking_resistance(h: Scalar, wheel: Wheel, soil: Soil, firm: Soil) -> Scalar:
     """Return the additional compaction resistance [N] of a wheel in soft soil: its resistance in `soil`, into which it
-    has sunk by h [m], minus its resistance in `firm` soil under the same load. The result is 0 or more.
+    has sunk by h [m], minus its resistance in `firm` soil under an equal load. The result is 0 or more.
 
     In firm soil the wheel would sink less. Its entry angle theta_0 in firm soil is found by two iterations of theta_0 =
     theta_1 (p_soil / p_firm)^(1 / (2 n + 1)). Here theta_1 is the entry angle in the soft soil, n the sinkage exponent
@@ -50,6 +50,7 @@ def sinking_resistance(h: Scalar, wheel: Wheel, soil: Soil, firm: Soil) -> Scala
     Source: Bekker's work of compaction for each metre of rut, with the pressure of Eq (4). The part of the load that
     the shear stress carries in Eq (6) is neglected, because it is nearly equal in both soils.
     """
+    # Both soils carry an equal load, and their contact arcs have one ratio of exit angle to entry angle.
     theta_1, theta_2 = SinkageAngles().angles(h, wheel, soil)
     length = theta_1 - theta_2
     # The arc shrinks by the factor `shrunk` until the pressure of the firm soil carries the load of the soft one.

@@ -37,6 +37,7 @@ def traction_curves(
     wheel : Wheel, optional
         The wheel; by default the wheel of Nexus 6.
     """
+    # The exponent of the argument replaces the exponent of the soil in all curves.
     soil = soil if n is None else soil.replace(n=n)
     wheel = Wheel() if wheel is None else wheel
     slips, curves = np.linspace(0.0, 1.0, 101), {}

@@ -38,9 +38,9 @@ def peak_stress_forces(
 ) -> WheelForces:
     """Return the forces on a wheel whose normal stress rises from the entry to the angle theta_m and falls to the exit.
 
-    In front of theta_m the normal stress is that of Eq (4) with the depth h = r (cos theta - cos theta_1). Behind
-    theta_m, the stress at theta equals the stress of the front part at the angle theta_1 - (theta - theta_2) (theta_1 -
-    theta_m) / (theta_m - theta_2). The stress therefore vanishes at both ends of the contact arc.
+    In front of theta_m the normal stress follows Eq (4) with the depth h = r (cos theta - cos theta_1). Behind theta_m,
+    the stress at theta equals the stress of the front part at the angle theta_1 - (theta - theta_2) (theta_1 - theta_m)
+    / (theta_m - theta_2). The stress therefore vanishes at both ends of the contact arc.
 
     Parameters
     ----------
@@ -73,6 +73,7 @@ def peak_stress_forces(
         # Each node serves both parts of the arc, because equal relative positions have the same stress.
         s = front * psi
         sigma = (2 * ca.sin(theta_1 - s / 2) * ca.sin(s / 2)) ** n
+        # The strength follows from the normal stress; the law decides which fraction of it is mobilised.
         tau_most = cohesion + friction * sigma
         for theta, length in ((theta_1 - s, front), (theta_2 + rear * psi, rear)):
             sums = sums.plus(weight * length, terms(theta, theta_1, sigma, tau_most, law))

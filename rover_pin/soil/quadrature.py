@@ -1,9 +1,9 @@
 """Quadrature on a wheel's contact arc: Gauss-Legendre nodes u on [0, 1] that a polynomial map psi(u) moves towards the
 ends of the arc.
 
-Near the entry angle theta_1 the stress grows as (theta_1 - theta)^n with a non-integer n, for which Gauss-Legendre
-quadrature without a map keeps an error of 1e-3 however many nodes it has. If the slope of the map vanishes at this end,
-the mapped integrand is smooth for every n. The nodes and weights do not depend on n, so that n may be a symbol.
+Near the entry angle theta_1 the stress grows as (theta_1 - theta)^n with a non-integer n. Without a map, Gauss-Legendre
+quadrature of such a function keeps an error of 1e-3 for any number of nodes. If the slope of the map vanishes at this
+end, the mapped integrand is smooth for every n. The nodes and weights do not depend on n, so that n may be a symbol.
 """
 
 from collections.abc import Callable
@@ -60,9 +60,10 @@ def map_rule(
 ) -> QuadratureRule:
     """Return a quadrature rule on [0, 1] with `nodes` Gauss-Legendre nodes u, each moved to psi(u).
 
-    `psi` maps the interval onto itself, and `slope` is its derivative, by which the weights are multiplied. Raises
+    `psi` maps the interval onto itself, and `slope` is its derivative; the weights are multiplied by it. Raises
     ParameterError if `nodes` is not a whole number of 2 or more.
     """
+    # True and False are whole numbers in Python, but no numbers of nodes.
     if not isinstance(nodes, int) or isinstance(nodes, bool) or nodes < 2:
         raise ParameterError(f"nodes = {nodes!r} is not allowed: the arc needs a whole number of 2 nodes or more.")
     # NumPy's rule holds on [-1, 1], so that its nodes are moved to [0, 1] and its weights are halved.

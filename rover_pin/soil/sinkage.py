@@ -17,11 +17,11 @@ from rover_pin.soil.slip import speed_ratio
 from rover_pin.soil.stress import ShearLaw, full_shear, modulus, shear_law, strength, stress_scale
 
 NEWTON_STEPS = 3
-"""Default number of Newton steps with which `entry_angle` solves for the entry angle."""
+"""Default number of Newton steps of `entry_angle`."""
 
 LOAD_FLOOR = 1e-6
-"""Minimum load [N] for which `entry_angle` solves. Smaller loads are smoothly replaced by about this load, so that a
-lifted wheel has a tiny contact arc and the logarithm of its load is finite."""
+"""Minimum load [N] in `entry_angle`. Smaller loads are smoothly replaced by about this load, so that a lifted wheel has
+a tiny contact arc and the logarithm of its load is finite."""
 
 MAX_LOAD_ERROR = 1e-6
 """Maximum remaining error of ln f_n, the logarithm of the normal force, after Newton's method. If the error is larger,
@@ -53,9 +53,7 @@ def slipping(S: Scalar, wheel: Wheel, soil: Soil) -> ShearLaw:
 
 
 def fully_sheared(S: Scalar, wheel: Wheel, soil: Soil) -> ShearLaw:
-    """Return the shear law of a wheel under which the soil's shear strength is fully mobilised, at every slip ratio
-    S.
-    """
+    """Return the shear law of a wheel on soil whose shear strength is fully mobilised, at every slip ratio S."""
     return full_shear
 
 
@@ -132,6 +130,7 @@ def _solver(steps: int, state: ShearState) -> ca.Function:
     Its inputs are the load, the slip ratio and all constants of wheel and soil; its outputs are the entry angle and the
     remaining error of the logarithm of the normal force. The function is stored for later calls.
     """
+    # All constants are symbols, so that one function serves every wheel and soil.
     load, S, r, b, c, phi, k, k_1, k_2, n, ratio = unknowns = [ca.SX.sym(f"x_{i}") for i in range(11)]
     wheel, soil = Wheel(r, b), Soil(c=c, phi=phi, k=k, k_1=k_1, k_2=k_2, n=n, exit_ratio=ratio)
     y = ca.SX.sym("y")
@@ -148,6 +147,7 @@ def _solver(steps: int, state: ShearState) -> ca.Function:
         value, slope = newton(at, *unknowns)
         # A step beyond the axle would leave the range of Eq (5).
         at = ca.fmin(at - (value - target) / slope, DEEPEST)
+    # The remaining error after the last step shows whether the method has converged.
     residual = newton(at, *unknowns)[0] - target
     return ca.Function("entry_angle", unknowns, [ca.exp(at), residual])
 

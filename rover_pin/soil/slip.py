@@ -14,19 +14,19 @@ ACROSS_SHARE = 0.2
 data sets on one sand allow values from 0 to 0.35."""
 
 ROUNDING = 0.01
-"""Slip ratio up to which `positive_part` replaces the corner of max(S, 0) by a parabola, so that its slope is
-continuous."""
+"""Largest slip ratio of the parabola in `positive_part`. The parabola replaces the corner of max(S, 0), so that the
+slope is continuous."""
 
 FADING_TRAVEL = 0.02
-"""Ratio of the travel speed to the larger of rim speed and travel speed, below which `drift` fades to zero. A wheel
-that spins in place has no direction of travel."""
+"""Minimum ratio of the travel speed to the larger of rim speed and travel speed. Below it, `drift` fades to zero,
+because a wheel that spins in place has no direction of travel."""
 
 MIN_RATIO_POWER = 1e-64
 """Minimum that `spinning` adds to the eighth power of the ratio of the wheel's speed to its rim speed. At a ratio of
 zero, a derivative would otherwise be 0 times infinity."""
 
 STANDS = 1e-3
-"""Fraction of the largest of rim speed, travel speed and sideways speed of a wheel, below which one of these speeds
+"""If one of rim speed, travel speed and sideways speed of a wheel is below this fraction of the largest of them, it
 counts as zero."""
 
 MIN_SPEED = 1e-300
@@ -99,8 +99,8 @@ def against_travel(S: Scalar, S_y: Scalar, share: Scalar = 1.0) -> tuple[Scalar,
     Here v and v_y are the travel speeds along the heading and sideways, r omega is the rim speed, and kappa is
     ACROSS_SHARE. u is nearly V up to slip angles of 60 deg (0.94 V at 60 deg for kappa = 0.2). It falls to v / kappa at
     90 deg, because a wheel that is pushed along its axle is braked neither forwards nor backwards. u is odd in v, so
-    that the law is the same in a mirror and for a wheel that reverses. For straight travel u = v = V, and S' equals S
-    to the last digit. At r omega = u the law is as smooth as Eq (1).
+    that the law also holds in a mirror and for a wheel that reverses. For straight travel u = v = V, and S' equals S to
+    the last digit. At r omega = u the law is as smooth as Eq (1).
 
     Parameters
     ----------
@@ -116,6 +116,7 @@ def against_travel(S: Scalar, S_y: Scalar, share: Scalar = 1.0) -> tuple[Scalar,
     # All speeds are ratios to the larger of r omega and v, which Eq (1) gives without a unit.
     rim, v, across = 1 + ca.fmin(S, 0.0), 1 - ca.fmax(S, 0.0), S_y * S_y
     least = MIN_RIM_RATIO * MIN_RIM_RATIO
+    # The factor `turned` is u / v of the docstring; `least` avoids 0 / 0 for a wheel that spins in place.
     turned = ca.sqrt((v * v + across + least) / (v * v + ACROSS_SHARE**2 * across + least))
     u = v + share * (v * turned - v)
     faster = ca.fmax(ca.fmax(rim, u), MIN_RIM_RATIO)
@@ -123,8 +124,8 @@ def against_travel(S: Scalar, S_y: Scalar, share: Scalar = 1.0) -> tuple[Scalar,
 
 
 def pushed_aside(S: Scalar, S_y: Scalar) -> Scalar:
-    """Return how strongly a wheel is pushed along its axle, as a fraction from 0 (travel along the heading) to 1
-    (travel along the axle) [-].
+    """Return the degree of the push along a wheel's axle, as a fraction from 0 (travel along the heading) to 1 (travel
+    along the axle) [-].
 
         kappa^2 v_y^2 / (u^2 + kappa^2 v_y^2)
 

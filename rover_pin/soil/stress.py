@@ -22,8 +22,8 @@ def modulus(wheel: Wheel, soil: Soil) -> Scalar:
 
 
 def stress_scale(wheel: Wheel, soil: Soil) -> Scalar:
-    """Return the unit [Pa] in which stresses are integrated over the contact arc: (k_1 + k_2 b) (r / b)^n for a wheel
-    of radius r and width b.
+    """Return the unit [Pa] of the stresses in integrals over the contact arc: (k_1 + k_2 b) (r / b)^n for a wheel of
+    radius r and width b.
 
     This is the normal stress of Eq (4) at a depth of one wheel radius. The normal stress at another depth is this unit
     times `relative_stress`.

@@ -104,6 +104,7 @@ def assemble(arc: Arc, theta_1: Scalar, length: Scalar, wheel: Wheel, soil: Soil
     patch = wheel.r * wheel.b * stress_scale(wheel, soil)
     resistance = compaction(theta_1, length, wheel, soil)
     thrust = patch * arc.tau_cos
+    # Eq (6) is the normal force and Eq (7) the pull; the torque has the radius as its lever arm.
     return WheelForces(
         f_n=patch * (arc.sigma_cos + arc.tau_sin),
         f_t=thrust - resistance,
@@ -116,9 +117,9 @@ def assemble(arc: Arc, theta_1: Scalar, length: Scalar, wheel: Wheel, soil: Soil
 def pressing_force(h: Scalar, wheel: Wheel, soil: Soil) -> Scalar:
     """Return the normal force f_n [N] of a wheel that is pressed into the soil by h [m] without turning.
 
-    There is no shear stress, and the contact arc is as long behind the axle as in front of it. The gaps between the
-    lugs fill with soil. The radius r is therefore the radius at the tips of the lugs, and h is measured from the
-    position in which the tips touch the soil (measured; derived here, new).
+    There is no shear stress, and the parts of the contact arc behind and in front of the axle are equally long. The
+    gaps between the lugs fill with soil. The radius r is therefore the radius at the tips of the lugs, and h is
+    measured from the first contact of the tips with the soil (measured; derived here, new).
     """
     # Without cohesion and friction the soil has no shear strength, so that only the normal stress acts.
     arc, _ = SinkageAngles().angles(h, wheel, soil)
@@ -248,7 +249,7 @@ def load_traction_factor(
     Returns
     -------
     Scalar or array
-        F(S): a float for a float, an array of the same shape for an array.
+        F(S): a float for a float, an array of equal shape for an array.
 
     Raises
     ------
@@ -268,6 +269,7 @@ def load_traction_factor(
     >>> load_traction_factor([0.0, 0.2], SOILS["table-1"], Wheel(), "torque").round(3)
     array([0.018, 0.057])
     """
+    # A form or a rule may be given by its name or as an object.
     form = FORMS[one_of("form", form, FORMS)] if isinstance(form, str) else form
     angles = ANGLES[one_of("angles", angles, ANGLES)] if isinstance(angles, str) else angles
     if isinstance(S, str):

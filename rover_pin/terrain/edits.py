@@ -75,19 +75,19 @@ def with_ground(terrain: Terrain, x_from: End, x_to: End, index: int) -> Terrain
 
 
 def bend_terrain(terrain: Terrain, x: Sequence[float], rise: Sequence[float]) -> Terrain:
-    """Return a copy of the terrain in which every point is raised by a height that depends on x only.
+    """Return a copy of the terrain. Every point of the copy is raised by a height that depends on x only.
 
     An effect with a `bend()` method changes the model's terrain with this function, for instance to fit the error of a
-    surveyed height. A profile gets the points of the bend in addition to its own points. A height grid gets as many
-    lines across x as it needs to follow the bend, and stays bilinear between these lines.
+    surveyed height. A profile gets the points of the bend in addition to its own points. A height grid gets additional
+    lines across x, enough to follow the bend, and stays bilinear between these lines.
 
     Parameters
     ----------
     terrain : Terrain
         The terrain before it is raised.
     x, rise : sequences (N,) [m]
-        Increasing positions, and the heights by which the terrain is raised at these positions. The height is linear
-        between two positions and constant beyond the first and the last position.
+        Increasing positions, and the rise of the terrain at these positions. The height is linear between two positions
+        and constant beyond the first and the last position.
 
     Raises ParameterError: the height grid would need more than MAX_LINES lines across x.
     """

@@ -4,7 +4,7 @@
 polyline = "ground.csv"                   # x_m, z_m[, ground], extruded sideways
 # or: polylines = ["right.csv", "left.csv"] and borders = [0.0], the y [m] between them
 # or: grid = "ground.npz", a .tif or .asc, or a .npy, .mat, .csv or .png with cell = 0.1 [m]; a .png also needs
-#     relief = 2.0 [m]; missing = "fill" or "cut" says what happens to cells without a height
+#     relief = 2.0 [m]; missing = "fill" or "cut" decides about cells without a height
 patch = [{ x_from = 1.0, x_to = 2.0, ground = 1 }]   # stretches of another soil
 """
 
@@ -54,7 +54,7 @@ def terrain_from(table: Mapping[str, Any], file: Path, trust: Trust = Trust()) -
         The TOML file that contains the table. The terrain's files must lie in the folder of `file`, unless `trust`
         allows other folders.
     trust : Trust
-        The further folders from which the user allows files to be read.
+        The further folders that the user allows to read files from.
 
     Raises DataError: the table has an unknown key, no kind of terrain or several kinds, or one of its files is missing,
     is not allowed or is refused by its reader.
@@ -129,8 +129,8 @@ def write_terrain(folder: str | Path, terrain: Terrain) -> dict[str, Any]:
 def from_polyline(path: Annotated[str | Path, spec("", "your own file: CSV or Parquet of x_m, z_m")]) -> Lanes:
     """Return the terrain of a CSV or Parquet file with columns x_m, z_m and, optionally, ground.
 
-    Each row is a point of the ground's profile, which is the same at every y. x_m must increase. The column ground
-    holds the soil index of the piece from a row's point to the next row's point; its last value is not used.
+    Each row is a point of the ground's profile, which does not depend on y. x_m must increase. The column ground holds
+    the soil index of the piece from a row's point to the next row's point; its last value is not used.
 
     Raises DataError: a column is missing, a number is missing or not finite, x_m does not increase, values look like
     millimetres, or `Profile` refuses the points.
@@ -285,7 +285,7 @@ def _lattice(table: Columns, name: str, values: np.ndarray) -> tuple[float, floa
 
     `values` is the column `name` of a table of grid points: the coordinates of all rows along this axis.
 
-    Raises DataError: all rows have the same coordinate, or a coordinate lies off the even grid.
+    Raises DataError: all rows have one coordinate, or a coordinate lies off the even grid.
     """
     low, high = float(values.min()), float(values.max())
     if low == high:

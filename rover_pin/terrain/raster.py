@@ -35,7 +35,7 @@ WHITE = {"L": 255.0, "I;16": 65535.0}
 """Value of a white pixel in a grey picture with 8 or 16 bits, by Pillow's name of the picture's mode."""
 FILL, CUT = "fill", "cut"
 """Values of the argument `missing`: fill the cells without a height from the cells around them, or keep only the
-largest rectangle in which every cell has a height."""
+largest rectangle of cells with a height."""
 MAX_SHOWN_VALUES = 5
 """Maximum number of values that an error message lists as probable codes for missing heights."""
 FILL_SWEEPS = 20
@@ -74,9 +74,9 @@ def raster_grid(path: Path, cell: float = 0.0, relief: float = 0.0, missing: str
     ------
     DataError
         The file is no height map or has more than MAX_HEIGHTS cells, its coordinates are in degrees or feet or are
-        turned, an argument is missing or is stated by the file as well, or cells have no height. A cell also counts as
-        a cell without a height if no terrain of 89 deg or less can join its height to the other heights; the error
-        lists such heights.
+        turned, an argument is missing or is also stated by the file, or cells have no height. A cell also counts as a
+        cell without a height if no terrain of 89 deg or less can join its height to the other heights; the error lists
+        such heights.
     MissingExtraError
         The file is a GeoTIFF, and rasterio is not installed.
     """
@@ -327,8 +327,8 @@ def _text_matrix(path: Path, text: str) -> np.ndarray:
 
 
 def _numbers(path: Path, text: str) -> np.ndarray:
-    """Return the numbers in a text, in which blanks separate the numbers. Raise DataError at the first word that is no
-    number.
+    """Return the numbers in a text of numbers that are separated by blanks. Raise DataError at the first word that is
+    no number.
     """
     try:
         with warnings.catch_warnings():
@@ -349,7 +349,7 @@ def _numbers(path: Path, text: str) -> np.ndarray:
 def _complete(path: str, heights: Heights, missing: str) -> tuple[np.ndarray, tuple[float, float]]:
     """Return the heights of a map without gaps (rows, columns), and the position (x, y) [m] of the south-west cell.
 
-    `missing` says what happens to cells without a height (see `raster_grid`). The returned array may be the array of
+    `missing` is the treatment of cells without a height (see `raster_grid`). The returned array may be the array of
     `heights` itself.
     """
     z, dx, dy = heights
@@ -504,7 +504,7 @@ def write_geotiff(
     path : Path
         The file to write.
     like : Path
-        The GeoTIFF from which the terrain was read (`raster_grid`); the terrain's x = y = 0 is the middle of this map.
+        The GeoTIFF that the terrain was read from (`raster_grid`); the terrain's x = y = 0 is the middle of this map.
     corner : (x, y) [m]
         Position of the entry [0, 0] of each array in the terrain.
     spacing : float [m]

@@ -1,8 +1,8 @@
 """The section of the terrain (the curve along which a wheel's plane cuts the terrain), and the wheel's contact patches
 on this section.
 
-The simulation uses compiled code for this geometry (`simulation.compiled`). This file contains the same geometry in
-plain Python, against which the compiled code is tested.
+The simulation uses compiled code for this geometry (`simulation.compiled`). This file contains the geometry in plain
+Python, against which the compiled code is tested.
 
 A facet is a straight piece of the section. The wheel touches a facet along a contact arc. A patch is the part of this
 arc between the bisectors to the neighbouring facets, so that no part of the rim is counted twice: there is one patch on
@@ -32,7 +32,7 @@ DEEPEST = 0.98
 this sinkage; simulations stop at a much smaller sinkage."""
 
 NORMAL_TOLERANCE = 1e-11
-"""Maximum difference between the components of two unit normals, up to which neighbouring facets of one soil are joined
+"""Maximum difference between the components of two unit normals. Up to it, neighbouring facets of one soil are joined
 to one facet."""
 
 
@@ -327,8 +327,9 @@ def patch_of(facets: list[Facet], k: int, r: float, exponent: float) -> Patch | 
 
 
 def depth_integrals(theta: float, theta_0: float, exponent: float) -> np.ndarray:
-    """Return two integrals over the angle t from theta to theta_0 [rad], as an array (2,): of (cos t - cos theta_0)^n
-    cos t and of (cos t - cos theta_0)^n, with n = `exponent`.
+    """Return two integrals over the angle t from theta to theta_0 [rad], as an array (2,).
+
+    The integrands are (cos t - cos theta_0)^n cos t and (cos t - cos theta_0)^n, with n = `exponent`.
 
     The quadrature nodes are graded by u^2 towards theta_0. There the integrand behaves as a power with the exponent n,
     and the quadrature would converge slowly on ungraded nodes.

@@ -174,7 +174,7 @@ def rocks(
 
     A rock is a half circle in x and z, of ROCK_PIECES straight pieces, and reaches across the whole left or right half
     of the terrain: it is a half cylinder and not a ball. The rocks lie within `length` [m] from `start` [m] on, and
-    rocks under the same wheels do not overlap. `diameters` are the smallest and the largest diameter [m].
+    rocks under the wheels of one side do not overlap. `diameters` are the smallest and the largest diameter [m].
 
     Source: paper, section 4: "several rocks with the diameter of 5-10 centimeters are scattered over the sand".
     Assumed: their number, that half of each rock is buried, and that they are harder than the sand (section 4.2).
@@ -245,8 +245,8 @@ def hills(seed: Seed = 0, height: HillHeight = 0.05, wavelength: HillLength = 1.
     k = 2.0 * math.pi / (wavelength * rng.uniform(1.0, 3.0, 32))
 
     def waves(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return the height [m] at (x, y). All waves have the same amplitude, which is chosen so that the standard
-        deviation of the height is `height`.
+        """Return the height [m] at (x, y). All waves have one amplitude, which is chosen so that the standard deviation
+        of the height is `height`.
         """
         cosines = np.cos(k * (x[..., None] * np.cos(heading) + y[..., None] * np.sin(heading)) + phase)
         return height * math.sqrt(2.0 / 32.0) * np.sum(cosines, axis=-1)

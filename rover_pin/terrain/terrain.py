@@ -36,7 +36,7 @@ ROUND_OFF = 8.0 * float(np.finfo(float).eps)
 largest coordinate."""
 
 ROUGHNESS_SAMPLES = 21
-"""Number of heights along each side of the square to which `slope_and_roughness` fits a plane."""
+"""Number of heights along each side of the square in `slope_and_roughness`, which fits a plane to these heights."""
 
 Number = Any
 """A float, or an array of floats; functions with several such arguments broadcast arrays against each other and return
@@ -44,8 +44,8 @@ arrays."""
 
 
 class Extent(NamedTuple):
-    """The box of x and y [m] for which a terrain was given points. Each kind of terrain continues beyond its box in its
-    own manner.
+    """The box of x and y [m] that contains the given points of a terrain. Each kind of terrain continues beyond its box
+    in its own manner.
     """
 
     x_low: float
@@ -89,7 +89,7 @@ class Terrain(ABC):
     @property
     @abstractmethod
     def extent(self) -> Extent:
-        """The box of x and y [m] for which the terrain was given points."""
+        """The box of x and y [m] that contains the given points of the terrain."""
 
     def normal(self, x: Number, y: Number) -> np.ndarray:
         """Return the unit normal of the terrain at (x, y) [m], which points up. Its three components are the last axis
@@ -197,7 +197,7 @@ class Profile:
     def without_collinear_points(self) -> Profile:
         """Return an equal profile without the points that lie inside straight runs of one soil.
 
-        A wheel's contact is then the same, however many points describe a straight run.
+        A wheel's contact then does not depend on the number of points that describe a straight run.
         """
         x, z, ground = self.x, self.z, self.ground
         tolerance = ROUND_OFF * max(1.0, float(np.max(np.abs(x))), float(np.max(np.abs(z))))
@@ -276,7 +276,7 @@ class Lanes(Terrain):
         return _plain(slope), _plain(np.zeros_like(slope))
 
     def ground_at(self, x: Number, y: Number) -> Any:
-        """Return the soil index at (x, y) [m]: that of the profile's piece at x, in the lane at y."""
+        """Return the soil index at (x, y) [m]: the index of the profile's piece at x, in the lane at y."""
         return _plain(self._by_lane(x, y, [profile.ground[profile.piece(x)] for profile in self.profiles]))
 
     @property
@@ -299,7 +299,7 @@ class Lanes(Terrain):
         return Extent(float(min(low for low, _ in ends)), float(max(high for _, high in ends)), -math.inf, math.inf)
 
     def _by_lane(self, x: Number, y: Number, values: list[Any]) -> np.ndarray:
-        """Return one value for each position (x, y): the value of the lane in which the position lies.
+        """Return one value for each position (x, y): the value of the lane that contains the position.
 
         `values` contains one array for each lane, with that lane's values at all positions.
         """
@@ -311,7 +311,7 @@ class Lanes(Terrain):
 @dataclass(frozen=True, eq=False)
 class HeightGrid(Terrain):
     """A terrain of heights on a regular grid, interpolated bilinearly between the grid points. Outside the grid, the
-    height is that of the nearest point of the grid's border.
+    height equals the height of the nearest point of the grid's border.
 
     Parameters
     ----------
