@@ -41,7 +41,9 @@ class Number(NamedTuple):
     prior: str = ""
     """declared or assumed value with its SD, in words; empty for a parameter without a prior"""
     covered: float = 0.0
-    """fraction of the allowed range (in u) that the interval covers; 0 for an unbounded parameter"""
+    """Length of the interval divided by the length of the parameter's allowed range, both in the coordinate u [-]: near
+    0 for a parameter that the data determine well, 1 if the interval covers the whole range, and 0 for an unbounded
+    parameter. From MAX_COVERED_SHARE on, the interval is not compared with other measurements."""
     declared: bool = False
     """whether the prior came with the data; if not, the prior is assumed"""
     source: str = ""

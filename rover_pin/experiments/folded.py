@@ -24,7 +24,7 @@ def read_folded(path: Path, by: str, names: tuple[str, ...]) -> tuple[tuple[str,
     by : str
         The column that names the fold of each row.
     names : tuple of str
-        The columns of numbers, in the order in which they are returned.
+        The columns of numbers, in the order of the returned arrays.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 measured.
 
 Copy this file for an experiment of your own, which runs by `rover-pin close-loop DATA --experiment FILE`. Here DATA is
-a folder with two files: motor.toml declares the motor in the same form as a drive log, and points.csv holds the steady
+a folder with two files: motor.toml declares the motor in the form of a drive log, and points.csv holds the steady
 points. The column `run` of points.csv names the fold of each point. Each fold is held out of a fit once.
 """
 
@@ -29,10 +29,10 @@ COLUMNS = ("duty", "load_Nm", "wheel_rate_radps", "current_A", "wheel_rate_sd_ra
 
 @dataclass(frozen=True, eq=False)
 class MotorBrake(FileExperiment):
-    """Steady points of a motor on a brake, as an experiment to which a motor model is fitted.
+    """Steady points of a motor on a brake, as an experiment for the fit of a motor model.
 
     `inputs` are the duty and the braking torque that were set (folds, 2, samples), `observed` are the measured wheel
-    rate and current (the same shape), and `sd` holds the SDs of wheel rate and current (2,).
+    rate and current (equal shape), and `sd` holds the SDs of wheel rate and current (2,).
     """
 
     motor: Motor
@@ -51,7 +51,7 @@ class MotorBrake(FileExperiment):
         return cls(motor, folds, points[:, :2], points[:, 2:4], np.sqrt(np.nanmean(points[:, 4:] ** 2, axis=(0, 2))))
 
     def base_model(self) -> Parts:
-        """Return the declared motor without any effect, as the model to which effects may be added."""
+        """Return the declared motor without any effect. The loop may add effects to this model."""
         return Parts({"motor": self.motor})
 
     def uncertain(self, model: Parts) -> tuple[Parameter, ...]:

@@ -25,7 +25,7 @@ from rover_pin.experiments.folded import read_folded
 
 FILE = "bench.toml"
 SHARES = (0.25, 0.5, 0.75, 1.0)
-"""Factors by which the inputs of a measured run are multiplied to propose runs that could be measured next."""
+"""Factors on the inputs of a measured run. The products are proposals for the next runs."""
 
 
 def record(name: str, meaning: str, **numbers: tuple[float, str, float, float]) -> Any:
@@ -36,7 +36,7 @@ def record(name: str, meaning: str, **numbers: tuple[float, str, float, float]) 
     Parameters
     ----------
     name, meaning : str
-        Name of the class, and what the part or law means in words.
+        Name of the class, and the meaning of the part or law in words.
     numbers : tuple
         Name of each number -> its default, unit, minimum and maximum. A law has no effect if its first number is 0.
 
@@ -131,7 +131,7 @@ class OverTime(FileExperiment):
         return self.units[channel]
 
     def base_model(self) -> Parts:
-        """Return the declared parts without any law, as the model to which laws may be added."""
+        """Return the declared parts without any law. The loop may add laws to this model."""
         return self.declared
 
     def uncertain(self, model: Parts) -> tuple[Parameter, ...]:
@@ -146,7 +146,7 @@ class OverTime(FileExperiment):
         """Return runs that could be measured next: each measured run with its inputs multiplied by each of the factors
         SHARES.
 
-        No factor exceeds 1, so that the inputs stay within those of the measured runs.
+        No factor exceeds 1, so that the inputs stay within the inputs of the measured runs.
         """
         # The proposed runs have no measured values, so zeros take their place.
         pairs = [(at, share) for at in range(len(self.folds)) for share in SHARES]

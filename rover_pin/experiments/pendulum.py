@@ -2,7 +2,7 @@
 
 Copy this file for an experiment of your own, which runs by `rover-pin close-loop DATA --experiment FILE`. The arm hangs
 down at angle 0, and a positive voltage drives it forward. At the output of the gear the motor has the rate v, and the
-arm has the rate w. The elastic gear transmits the torque C and is twisted by x, the angle by which the motor is ahead
+arm has the rate w. The elastic gear transmits the torque C and is twisted by x, the angle of the motor minus the angle
 of the arm:
 
     gear^2 rotor_inertia dv/dt = K i - C,  i = (voltage - K v) / resistance,  K = gear k_t (inductance neglected)
@@ -23,8 +23,8 @@ from rover_pin.parameters.gravity import EARTH
 from rover_pin.simulation.model.motor import Motor
 
 WIDTH = 0.01
-"""Rate of the arm [rad/s] below which the smoothed friction changes its sign gradually (assumed: below the resolution
-of a tachometer)."""
+"""Minimum rate of the arm [rad/s] with full friction. Below it, the smoothed friction changes its sign gradually
+(assumed: below the resolution of a tachometer)."""
 ARM = {
     "mass": (1.0, "kg", 0.0, 1e3),
     "lever": (0.25, "m", 0.0, 10.0),
@@ -36,7 +36,7 @@ FALLING = {"T_s": (0.2, "N m", 0.0, 5.0), "share": (0.5, "", 0.0, 0.8), "w_s": (
 
 @dataclass(frozen=True, eq=False)
 class Pendulum(OverTime):
-    """A pendulum on a geared servo, as an experiment to which the model of motor and arm is fitted.
+    """A pendulum on a geared servo, as an experiment for the fit of the model of motor and arm.
 
     An encoder measures the angle of the arm, and a tachometer the rate of the motor, stated at the output of the gear.
     The third channel is the current of the motor.

@@ -58,7 +58,7 @@ MIN_SLOPES = 4
 
 @dataclass(frozen=True, eq=False)
 class SlipSlope(FileExperiment):
-    """Slip against slope of a whole rover, as an experiment to which soil and motion resistance are fitted.
+    """Slip against slope of a whole rover, as an experiment for the fit of soil and motion resistance.
 
     `slopes` holds the slopes [rad] (folds, samples), `observed` the slips on these slopes (folds, 1, samples), and `sd`
     the SD of a slip (1,).
@@ -103,8 +103,8 @@ class SlipSlope(FileExperiment):
         return cls(rover, soil, gravity, folds, slopes, slip, mean_sd, declared, name)
 
     def base_model(self) -> Parts:
-        """Return the declared soil with traction and motion resistance of this rover, as the model to which effects may
-        be added.
+        """Return the declared soil with traction and motion resistance of this rover. The loop may add effects to this
+        model.
         """
         # Effects that only act while a rover turns or accelerates have no influence on a steady drive.
         traction = SoilTraction(TorqueTraction(), usual_angles(self.rover))
@@ -175,8 +175,8 @@ class SlipSlope(FileExperiment):
         """Return the slips that each model predicts (models, folds, 1, samples): the slips at which the wheels carry
         the rover up.
 
-        All wheels have the same slip S, and statics give the load N_i of each wheel on the slope. With the traction f_t
-        of a wheel, the mass m and the gravity g, the predicted slip is the smallest S for which sum_i f_t(S, N_i) = m g
+        All wheels have one common slip S, and statics give the load N_i of each wheel on the slope. With the traction
+        f_t of a wheel, the mass m and the gravity g, the predicted slip is the smallest S with sum_i f_t(S, N_i) = m g
         sin(slope). If no S is sufficient, the predicted slip is STUCK.
         """
         return np.array([self._slips(model) for model in models])
@@ -201,7 +201,7 @@ class SlipSlope(FileExperiment):
 
 ACTING = (SoilTraction, MotionResistance)
 """Effects of the base model of a drive that also act on a steadily turning wheel that runs straight. These effects are
-kept; all others are left out."""
+kept; all others are dropped."""
 
 
 def _smallest_slip(pull: np.ndarray, required_pull: float) -> float:

@@ -33,7 +33,7 @@ MODULUS_BY_WIDTH = "k_2"
 alone is fitted."""
 MIN_EFFECT = 1e-9
 """Minimum influence of a constant that is fitted. The influence is the largest change of a point, as a multiple of the
-point's SD, if the constant changes by its prior SD. A constant with less influence is left out of the fit."""
+point's SD, if the constant changes by its prior SD. A constant with less influence is not fitted."""
 
 
 @lru_cache(maxsize=64)
@@ -77,7 +77,7 @@ def slip_errors(count: int) -> Any:
 
 
 class Shift(NamedTuple):
-    """A number from which all traction factors were computed, such as a motor constant, and its influence on them.
+    """A number that enters all traction factors, such as a motor constant, and its influence on them.
 
     `effect` is the derivative of each traction factor by the fit coordinate u (points,), where u is the deviation of
     the number from its prior mean in units of its prior SD. If the number is wrong, all points are wrong together.
@@ -89,7 +89,7 @@ class Shift(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TractionFactors(FileExperiment, Differentiable):
-    """Measured traction factors at several slips, as an experiment to which soil constants are fitted.
+    """Measured traction factors at several slips, as an experiment for the fit of soil constants.
 
     `points` holds the traction factors with their SDs, and `declared` is the declared model of soil and wheel. The true
     slip of a point is S + a xi, where S is the measured slip, a its SD, and xi ~ N(0, 1) is fitted. If noisy slips were
@@ -108,7 +108,7 @@ class TractionFactors(FileExperiment, Differentiable):
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read the experiment from a CSV file of traction factors. The soil is that of Table 1 of the paper."""
+        """Read the experiment from a CSV file of traction factors. The soil is the sand of Table 1 of the paper."""
         points = read_traction_points(path)
         return cls(points, Parts({"soil": TABLE_1, "wheel": points.wheel}), name=path.stem)
 

@@ -231,9 +231,11 @@ class NextMeasurement(NamedTuple):
     channel: str
     """channel that gives most of the information"""
     nats: float
-    """expected information about the sets [nats]"""
+    """Expected information about the question which set of causes acts [nats]: the expected decrease of the entropy
+    `open_nats`. One nat is 1.44 bits."""
     open_nats: float
-    """remaining uncertainty before this measurement: entropy of the probabilities of the sets of causes [nats]"""
+    """Entropy of the probabilities of the sets of causes before this measurement [nats]. It is 0 if one set is certain,
+    and ln k if k sets are equally probable."""
 
     @property
     def sentence(self) -> str:

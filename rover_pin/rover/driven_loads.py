@@ -24,9 +24,12 @@ RANK_TOLERANCE = 1e-6
 combination of wheel loads with a smaller singular value leaves every balance of forces and moments unchanged, so that
 statics do not determine it."""
 MAX_OPEN_SHARE = 0.1
-"""Limit for wheel loads that statics do not determine. Consider the combinations of loads, of unit length, that leave
-every balance of forces and moments unchanged. If a wheel (or the sum of an axle) has a larger component in them than
-this number, its load counts as not determined."""
+"""Maximum component of a wheel (or of the sum of an axle) in a load combination that statics do not determine.
+
+Such a combination of wheel loads, scaled to unit length, leaves every balance of forces and moments unchanged, so that
+any multiple of it could be added to the loads. Up to this component, the load of the wheel counts as determined. Above
+it, the load counts only as a part of a sum (`determinate_groups`). The value is assumed: a component of 0.1 moves the
+load of the wheel by a tenth of the unknown amount."""
 SHARE_ROUNDS = 4
 """Number of iterations for the two ratios rho (motion resistance to load) and eta (side force to load) in
 `driven_loads`. Each iteration makes about one more digit correct."""

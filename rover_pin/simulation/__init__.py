@@ -1,9 +1,9 @@
 """Simulated drives: `simulate` drives a `model` under a controller and returns a `trace`.
 
-`stepping` chooses the step size, `native` contains one time step in C, and `plain` contains the same step in NumPy,
-which is slower but readable. `compiled` generates the C code of the contact and motor laws, `start` sets the rover down
-on its terrain, and `outcome` summarises a finished drive and checks whether it can be believed.
+`stepping` chooses the step size, `native` contains one time step in C, and `plain` contains this step in NumPy, which
+is slower but readable. `compiled` generates the C code of the contact and motor laws, `start` sets the rover down on
+its terrain, and `outcome` summarises a finished drive and checks whether it can be believed.
 
-The functions of one drive, in the order in which they call each other: `simulate.simulate`,
+The functions of one drive, from the caller to the called function: `simulate.simulate`,
 `stepping.tolerance.drive_to_tolerance`, `driving.run_compiled`, `native/loop.c`, `native/step.c`.
 """

@@ -25,7 +25,7 @@ class Truth(NamedTuple):
     slip: np.ndarray
     """(wheels,) slip ratio S of each wheel, Eq (1) of the paper [-]; S > 0: the rim is faster than the wheel travels"""
     sinkage: np.ndarray
-    """(wheels,) depth to which each wheel has sunk into the soil [m]"""
+    """(wheels,) sinkage of each wheel into the soil [m]"""
     normal: np.ndarray
     """(wheels,) force between each wheel and the soil, normal to the ground [N]"""
     travel: np.ndarray
@@ -66,7 +66,7 @@ class Reading:
             raise UnknownAttributeError(self, name, [field.name for field in fields(Reading)], hint)
 
     def replace(self, **changes: Any) -> Reading:
-        """Return a copy of the reading in which some values are replaced, for example by values with sensor noise."""
+        """Return a copy of the reading with some values replaced, for example by values with sensor noise."""
         return Reading(**{field.name: getattr(self, field.name) for field in fields(Reading)} | changes)
 
 

@@ -20,10 +20,10 @@ from rover_pin.simulation.stepping.pace import FINEST, AdjustableStepper
 from rover_pin.simulation.stepping.timing import Timing
 
 ROWS_PER_PROGRESS = 50
-"""Number of rows between two calls of a progress function, which shows the user how far the drive is."""
+"""Number of rows between two calls of a progress function, which shows the user the progress of the drive."""
 MAX_STEPS_PER_FOLLOWED = 2
 """Largest number of steps that a drive takes for each step of an earlier drive, when it repeats the earlier drive with
-the same or with halved steps. Memory is reserved for this number of steps."""
+equal or with halved steps. Memory is reserved for this number of steps."""
 
 Progress = Callable[[float], None]
 """A progress function: the drive calls it from time to time with the simulated time [s]."""
@@ -31,7 +31,7 @@ Progress = Callable[[float], None]
 
 class Stepper(AdjustableStepper, Protocol):
     """The object that advances a drive by one step and holds the arrays of the drive. It is either `Kernel` (the
-    compiled step) or `PlainStepper` (the same step in NumPy). `native/shared.py` documents the arrays.
+    compiled step) or `PlainStepper` (this step in NumPy). `native/shared.py` documents the arrays.
     """
 
     record: np.ndarray
@@ -90,8 +90,7 @@ class LoopResult(NamedTuple):
 
 
 def run_compiled(drive: RunningDrive, duration: float, progress: Progress | None) -> LoopResult:
-    """Drive for `duration` [s] with the compiled loop, and return the result. `run_plain` does the same in readable
-    Python.
+    """Drive for `duration` [s] with the compiled loop, and return the result. `run_plain` does this in readable Python.
 
     A controller of the package runs within the compiled loop. For any other controller, the loop stops at the beginning
     of each control period, the controller is called from Python, and its command is passed to the stepper.
@@ -205,8 +204,8 @@ def obey(drive: RunningDrive, reading: Reading) -> None:
 
 
 def _is_finite_number(value: Any) -> TypeGuard[float]:
-    """Return whether a value is a Python float and finite. Most controllers return such a value, for which no array has
-    to be made.
+    """Return whether a value is a Python float and finite. Most controllers return such a value, which needs no new
+    array.
     """
     return type(value) is float and math.isfinite(value)
 

@@ -1,5 +1,5 @@
-"""Conditions under which a drive is stopped: the computation has diverged, the rover has capsized, a wheel is buried in
-the soil, or a suspension joint has moved far beyond its end stop ("folded").
+"""Conditions that stop a drive: the computation has diverged, the rover has capsized, a wheel is buried in the soil, or
+a suspension joint has moved far beyond its end stop ("folded").
 """
 
 import math
@@ -15,7 +15,7 @@ MAX_TILT = math.radians(60.0)
 capsized, and the drive ends."""
 MIN_UPRIGHT_COSINE = math.cos(MAX_TILT)
 MAX_OVERTRAVEL = math.radians(10.0)
-"""Largest angle by which a suspension joint may exceed its end stop [rad]. Beyond this angle the suspension counts as
+"""Largest excess of a suspension joint's angle over its end stop [rad]. Beyond this angle the suspension counts as
 folded, and the drive ends."""
 MAX_SPEED = 10.0
 """Largest speed of the base along one of its axes [m/s]. Beyond this speed the computation counts as diverged, because
@@ -26,7 +26,7 @@ def failure(model: Model, state: DriveState, record: np.ndarray) -> str | None:
     """Return the reason why a drive cannot go on from this state (diverged, capsized, buried or folded), or None if it
     can go on.
 
-    The function `fails` in native/row.c makes the same checks in the compiled loop.
+    The function `fails` in native/row.c makes these checks in the compiled loop.
 
     Parameters
     ----------

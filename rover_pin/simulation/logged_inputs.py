@@ -11,7 +11,7 @@ from rover_pin.simulation.model.model import Model
 
 
 class ReplayInputs(Protocol):
-    """The data of a logged run from which the true inputs of its replay are computed (`true_inputs`)."""
+    """The data of a logged run that the true inputs of its replay are computed from (`true_inputs`)."""
 
     @property
     def t(self) -> np.ndarray:
@@ -35,7 +35,7 @@ fraction of it. A log counts as uneven if at least a tenth of its times between 
 have changed at any time between two rows. Reason: a smaller deviation shifts a command by less than 0.01 s at 10 Hz."""
 MISSING_ROW_RATIO = 1.5
 """Limit for gaps in a log. A row counts as missing if the time between two neighbouring rows exceeds this multiple of
-the median time. The limit is half-way between the median time, at which no row is missing, and twice the median time,
+the median time. The limit is the middle between the median time, at which no row is missing, and twice the median time,
 at which one row is missing."""
 
 
@@ -62,7 +62,7 @@ def rates_of(model: Model, channels: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def tied_means(model: Model, values: np.ndarray) -> np.ndarray:
-    """Return wheel rates (T, wheels) in which the wheels that one motor drives together have the mean of their rates.
+    """Return wheel rates (T, wheels). Wheels that one motor drives together get the mean of their rates.
 
     If a replay held each of these wheels to its own measured rate, the noise of the tachogenerators would cause large
     opposing torques between the wheels. Before the mean, each rate is converted by the gear ratio of its coupling.
@@ -118,8 +118,8 @@ def duty_before(t: np.ndarray, duty: np.ndarray, rows: np.ndarray, period: float
 
 
 def fill_gaps(row: np.ndarray) -> np.ndarray:
-    """Return the values of a channel in which each gap (NaN) is filled by linear interpolation between its neighbours.
-    If all values are NaN, the result is zero.
+    """Return the values of a channel with each gap (NaN) filled by linear interpolation between its neighbours. If all
+    values are NaN, the result is zero.
     """
     good = np.flatnonzero(np.isfinite(row))
     return np.interp(np.arange(len(row)), good, row[good]) if good.size else np.zeros(len(row))

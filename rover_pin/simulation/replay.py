@@ -3,7 +3,7 @@ stays near it.
 
 The commands are either duties, which the motors turn into torques, or the measured wheel rates. In the second case the
 wheels turn at the measured rates, whatever torque this needs. The motors then have no influence, and the replay shows
-how far wheels with these rates move the rover.
+the rover's motion by wheels with these rates.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ PERIOD = 0.05
 """Shortest time between the rows of a replay [s]. If the rows of the log are further apart, the rows of the replay have
 their median distance."""
 ROUGH = 20.0
-"""Factor by which a replay enlarges the limits of the forecast error (`pace.ROUGH`, `pace.CALM`), so that its steps may
-be longer than those of a drive. Reason: a tracker that measures positions does not resolve the small errors that a
-drive tolerates."""
+"""Factor of a replay on the limits of the forecast error (`pace.ROUGH`, `pace.CALM`), so that its steps may be longer
+than the steps of a drive. Reason: a tracker that measures positions does not resolve the small errors that a drive
+tolerates."""
 HOLD = 1.0
-"""Time constant [s] with which the simulated rover is pulled to the logged position and heading."""
+"""Time constant [s] of the pull of the simulated rover to the logged position and heading."""
 ROWS_PER_CHECK = 10
 """Number of rows between two checks whether the rover can still drive, or has capsized, for example."""
 FIRST_ROWS = 5
@@ -197,8 +197,8 @@ def shares(rate: np.ndarray) -> np.ndarray:
 
 
 def _hold_last(values: np.ndarray) -> np.ndarray:
-    """Return a channel in which each gap (NaN) is filled with the last value before it. Gaps at the beginning are
-    filled with the first value after them. If all values are NaN, the result is zero.
+    """Return a channel with each gap (NaN) filled by the last value before it. Gaps at the beginning are filled with
+    the first value after them. If all values are NaN, the result is zero.
     """
     good = np.flatnonzero(np.isfinite(values))
     if not good.size:
@@ -230,7 +230,7 @@ def replay(
     perturbation : Perturbation
         Additions to torque, force and grip.
     rest_state : SharedRest, optional
-        State at rest of another model of this rover, from which this model starts; if missing, the model is set down at
+        State at rest of another model of this rover, as the start of this model; if missing, the model is set down at
         the start of the run.
     fine : bool
         Take steps of half the default length, with the limits of the forecast error of a drive instead of the wider

@@ -16,8 +16,8 @@ from rover_pin.simulation.native.control import CompiledController, SensorNoise,
 from rover_pin.simulation.trace.trace import Trace
 
 TRUTH = ("slip_", "sinkage_", "normal_", "tangential_", "lateral_", "torque_", "travel_", "energy_", "differential_")
-"""Beginnings of the names of simulated channels, such as slip and sinkage, for which the paper's test bed has no
-sensor. A simulated log leaves these channels out."""
+"""Beginnings of the names of simulated channels, such as slip and sinkage, that no sensor of the paper's test bed
+measures. A simulated log leaves these channels out."""
 GYRO = tuple(f"gyro_{axis}" for axis in "xyz")
 ACCELEROMETER = tuple(f"accelerometer_{axis}" for axis in "xyz")
 """GYRO and ACCELEROMETER: names of the channels of an inertial measurement unit. They hold turn rates [rad/s] and
@@ -127,7 +127,7 @@ def measure(
     trace: Trace, sensors: Sensors, seed: int, effects: Sequence[SensorEffect] = (), with_current: bool = True
 ) -> Trace:
     """Return the log that the rover's sensors would record of a simulated drive. The log has the errors of the sensors,
-    and lacks the channels for which there is no sensor (TRUTH).
+    and lacks the channels without a sensor (TRUTH).
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def measure(
         Noise and quantisation of the sensors.
     seed : int
         Seed of the noise. The noise of a channel depends only on the seed and on the position of the channel in the
-        trace, so that two logs with the same seed have equal noise.
+        trace, so that two logs with equal seeds have equal noise.
     effects : sequence of SensorEffect
         Errors of the sensors such as a scale or a delay. They are applied one after the other, before the noise.
     with_current : bool

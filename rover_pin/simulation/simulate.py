@@ -59,8 +59,8 @@ def simulate(
     duration : float
         Time to drive [s]. A failure ends the drive earlier.
     start : Start, DriveState or DriveEnd
-        A `Start` is a position at which the rover is set down at rest. A `DriveState` is a state with which the drive
-        begins. A `DriveEnd` (`trace.end` of an earlier drive) continues the earlier drive; the result is then equal to
+        A `Start` is a position at which the rover is set down at rest. A `DriveState` is the initial state of the
+        drive. A `DriveEnd` (`trace.end` of an earlier drive) continues the earlier drive; the result is then equal to
         the bit to a single drive over the whole time with equal steps.
     timing : Timing
         Step, control period and time between the rows of the trace [s].
@@ -72,8 +72,8 @@ def simulate(
     measure_error : bool
         Repeat the drive with every step halved. The difference between both drives gives the error that the step size
         causes. While this error exceeds `timing.tolerance`, the step is halved further, up to 16 times
-        (`timing.MAX_REFINEMENT`). Most drives take three times as long as with `measure_error=False`, which drives
-        once. A user-supplied controller is not called again; the stated error holds for the commands it gave.
+        (`timing.MAX_REFINEMENT`). Most drives take three times the time of a drive with `measure_error=False`, which
+        drives once. A user-supplied controller is not called again; the stated error holds for the commands it gave.
 
     Returns
     -------
@@ -116,8 +116,8 @@ def plain_simulate(
     progress: Progress | None = None,
     measure_error: bool = True,
 ) -> Trace:
-    """Simulate a drive like `simulate`, but with the readable step in NumPy. It is far slower, and its results are
-    equal to those of `simulate` up to round-off.
+    """Simulate a drive like `simulate`, but with the readable step in NumPy. It is far slower, and its results equal
+    the results of `simulate` up to round-off.
 
     The tests compare the compiled step with this function. If `start` is a `DriveState`, no C compiler is needed. If
     `start` is a `Start`, a compiler is needed, because compiled code sets the rover down.
@@ -195,7 +195,7 @@ def set_out(
 
 def _drive_trace(job: DriveJob, result: DriveResult, place: tuple[float, float], attrs: dict[str, Any]) -> Trace:
     """Return the trace of a finished drive with its channels, outcome and warnings. If no failure ended the drive, the
-    trace also contains the end from which the drive can be continued.
+    trace also contains the end, so that the drive can be continued.
     """
     drive, run, rows, change = result.drive, result.run, result.rows, result.stated
     # Attributes: the step that was taken, the reason of the end, and the errors if they were measured.
@@ -231,7 +231,7 @@ def annotate_trace(trace: Trace, warnings: list[str], turned: str = "", stops: s
     """Return the trace with texts about the drive added to its `attrs`: the outcome, the note `turned` on a turn that
     the controller aimed at, the note `stops` on end stops of the suspension that yielded, and the warnings.
 
-    Empty notes and empty warnings are left out.
+    Empty notes and empty warnings are omitted.
     """
     outcome = drive_outcome(trace)
     attrs: dict[str, Any] = {"outcome": outcome.sentence} if outcome else {}

@@ -25,10 +25,11 @@ RESTS, SLIDES = "at rest", "slides: the soil does not hold the rover there with 
 at rest at its start, or whether the rover slides down from there."""
 AT_ORIGIN = "assumed: the base at the origin, along x"
 NO_DIRECTION_SPEED = 1.0
-"""Speed [m/s] below which the contact laws of forward travel and of backward travel are blended while a rover is set
-down. It is far larger than in a drive, because a rover at rest has no direction of travel."""
+"""Minimum speed [m/s] for a single direction of travel while a rover is set down. Below it, the contact laws of forward
+travel and of backward travel are blended. It is far larger than in a drive, because a rover at rest has no direction of
+travel."""
 SLIDE = [0, 1, 5]
-"""Indices in the velocity v of the three degrees of freedom in which the base slides along the ground: x, y and yaw."""
+"""Indices in the velocity v of the base's three degrees of freedom along the ground: x, y and yaw."""
 LOCKING_INERTIA = 1e15
 """Inertia [kg or kg m^2] that is added to a degree of freedom to lock it. It is so large that no force moves the degree
 of freedom noticeably."""
@@ -80,14 +81,14 @@ def settled_state(model: Model, start: Start, symmetric: bool = False) -> DriveS
 
 
 class SharedRest(NamedTuple):
-    """The state at rest of one model of a rover, in a form from which other models of the same rover can start, so that
-    they need not be set down themselves.
+    """The state at rest of one model of a rover. Other models of this rover can start from it, so that they need not be
+    set down themselves.
     """
 
     q: np.ndarray
-    """(nq,) configuration in which the rover rests"""
+    """(nq,) configuration of the rover at rest"""
     shear: np.ndarray
-    """(wheels, states) states of the slip law, which describe how far the soil under each wheel is sheared"""
+    """(wheels, states) states of the slip law, which describe the shear of the soil under each wheel"""
     wheels: np.ndarray
     "(wheels, 3) centres of the wheels in the world [m]"
     heights: np.ndarray
@@ -95,8 +96,8 @@ class SharedRest(NamedTuple):
 
 
 def shared_rest(model: Model, start: Start) -> SharedRest:
-    """Return the state at rest of a model at the position and heading `start`, in a form from which other models of the
-    same rover can start (`taken_over`).
+    """Return the state at rest of a model at the position and heading `start`, in a form that other models of this
+    rover can take over (`taken_over`).
     """
     state = settled_state(model, start)
     # The heights of the ground let `taken_over` correct the state for a model with another terrain.
@@ -107,11 +108,11 @@ def shared_rest(model: Model, start: Start) -> SharedRest:
 
 def taken_over(model: Model, shared: SharedRest) -> DriveState:
     """Return the initial state of a model that starts from the state at rest of another model. The configuration and
-    the shear of the soil are the same; all other states of effects are 0.
+    the shear of the soil are taken over; all other states of effects are 0.
 
     If the ground of the two models has different heights under the wheels, the base is moved with the ground: the plane
     z_0 + a x + b y is fitted to the differences of the heights, the base is raised by z_0, and it is turned by the
-    rotation vector (b, -a, 0). x and y of the base stay the same.
+    rotation vector (b, -a, 0). x and y of the base do not change.
 
     Parameters
     ----------
@@ -135,7 +136,7 @@ def taken_over(model: Model, shared: SharedRest) -> DriveState:
 
 
 def _state_at_rest(model: Model, q: np.ndarray) -> DriveState:
-    """Return the state with the configuration q (nq,) in which all speeds and all states of the effects are 0."""
+    """Return the state with the configuration q (nq,). All speeds and all states of the effects are 0."""
     wheels, effects = len(model.rover.wheels), (model.contact_effects, model.motor_effects)
     contact, motor = (np.zeros((wheels, sum(len(effect.states) for effect in of_kind))) for of_kind in effects)
     return DriveState(0.0, q, np.zeros(model.rover.model.nv), contact, motor)
@@ -148,7 +149,7 @@ def set_down(model: Model, start: Start, symmetric: bool = False) -> SetDown:
     is held as if by hand: the normal forces carry its weight, and the hand takes all forces that pull the rover along
     the ground or turn it. In the second stage, the hand lets go: the soil under each wheel is sheared as if the whole
     rover had slid just far enough for the soil to hold it. If the soil cannot hold the rover, because the ground is too
-    steep or the slip law cannot hold a standing wheel, the result is the state of the first stage, with unsheared soil,
+    steep or the slip law cannot hold a wheel at rest, the result is the state of the first stage, with unsheared soil,
     and the rover slides from there. Friction in pivots is ignored, so that the suspension takes the angles at which it
     would come to rest without friction.
 
@@ -218,22 +219,22 @@ def relax_state(model: Model, state: DriveState, yaw: float, symmetric: bool) ->
     """Find the state at rest of a rover with the compiled step, write it into `state`, and return whether the rover
     comes to rest.
 
-    The search takes implicit steps dt, each of which begins with zero speed: q <- q + dt^2/2 (M - dt D - dt^2/2 K)^-1
-    Q. Here q is the configuration, M the mass matrix, Q the generalised force, and D and K its derivatives by the
-    speeds and by the sinkage of the wheels. Short steps move along the force; long steps are Newton's steps for Q = 0.
-    The step grows while the rover approaches its rest, so that stiff shear (small k), stiff or soft ground and the
-    rover's weight need no individual choice of the step. After each step the base is moved back along the ground to its
-    x, y and heading, but the shear of the soil that the displacement has caused is kept.
+    The search takes implicit steps dt. Each step begins with zero speed: q <- q + dt^2/2 (M - dt D - dt^2/2 K)^-1 Q.
+    Here q is the configuration, M the mass matrix, Q the generalised force, and D and K its derivatives by the speeds
+    and by the sinkage of the wheels. Short steps move along the force; long steps are Newton's steps for Q = 0. The
+    step grows while the rover approaches its rest, so that stiff shear (small k), stiff or soft ground and the rover's
+    weight need no individual choice of the step. After each step the base is moved back along the ground to its x, y
+    and heading, but the shear of the soil that the displacement has caused is kept.
 
     The wheels are locked. First the rover is held against sliding and turning, with the soil unsheared. A second search
     begins at a slightly different pitch: if the rest was unstable, so that the rover would tip over, this search moves
-    away from it. Then the rover is released. If it is not at rest, a third search finds a state in which the sheared
-    soil alone holds it. If there is no such state, the result is the state of the held rover.
+    away from it. Then the rover is released. If it is not at rest, a third search finds a state of rest on the sheared
+    soil alone. If there is no such state, the result is the state of the held rover.
 
     Parameters
     ----------
     model, state : Model, DriveState
-        The model, and the state in which its rover hovers at its start (`hovering`); this state is overwritten.
+        The model, and the state of its rover above the ground at its start (`hovering`); this state is overwritten.
     yaw : float
         Heading of the base [rad].
     symmetric : bool
@@ -275,7 +276,7 @@ def relax_state(model: Model, state: DriveState, yaw: float, symmetric: bool) ->
 
 def slip_columns(model: Model) -> list[int]:
     """Return the indices of the slip law's states in a row of `DriveState.contact`, which holds the states of all
-    contact effects of a wheel. The states of the slip law describe how far the soil is sheared.
+    contact effects of a wheel. The states of the slip law describe the shear of the soil.
     """
     first = 0
     for effect in model.contact_effects:

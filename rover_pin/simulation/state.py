@@ -1,5 +1,5 @@
 """The state of a drive (configuration, velocity and states of the effects), the indices of the suspension's joints in
-it, and the end of a drive, from which the drive can be continued.
+it, and the end of a drive, which allows its continuation.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def roll_pitch_yaw(q: np.ndarray) -> tuple[float, float, float]:
     """Return roll, pitch and yaw [rad] of the base in a configuration q (nq,).
 
     A rotation by yaw about z, then by pitch about the new y, then by roll about the new x turns the world's axes into
-    those of the base. A positive pitch lowers the nose.
+    the axes of the base. A positive pitch lowers the nose.
     """
     x, y, z, w = (float(value) for value in q[3:7])
     roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
@@ -80,8 +80,8 @@ def suspension_places(rover: Rover) -> np.ndarray:
 
 
 class Joints(NamedTuple):
-    """The joints of a rover's suspension, as body effects need them: how many there are, which of them are the two
-    rockers, and their names.
+    """The joints of a rover's suspension, as body effects need them: their number, which of them are the two rockers,
+    and their names.
     """
 
     number: int
@@ -101,8 +101,8 @@ def joints_of(rover: Rover) -> Joints:
 
 
 class Checkpoint(NamedTuple):
-    """Progress of a drive, from which the drive can be continued. Progress is counted in whole steps, so that round-off
-    of the time does not accumulate.
+    """Progress of a drive, which allows its continuation. Progress is counted in whole steps, so that round-off of the
+    time does not accumulate.
     """
 
     begin: float
@@ -115,8 +115,8 @@ class Checkpoint(NamedTuple):
 
 @brief
 class StepperState(NamedTuple):
-    """State of a stepper between two steps, from which a drive is continued: all arrays that a step changes, and the
-    commands that act at present.
+    """State of a stepper between two steps, which allows the continuation of a drive: all arrays that a step changes,
+    and the commands that act at present.
     """
 
     moving: tuple[np.ndarray, ...]
@@ -130,19 +130,19 @@ class StepperState(NamedTuple):
 @brief
 @dataclass(frozen=True, eq=False)
 class DriveEnd:
-    """The end of a drive, from which `simulate(model, controller, duration, trace.end)` continues.
+    """The end of a drive. `simulate(model, controller, duration, trace.end)` continues from it.
 
     The continuation is equal to the bit to a drive without interruption, because this object also contains the states
     of the effects, the loads and currents of the last step, and the present duties. The continuation needs an equal
-    model, an equal timing, and the same controller, which continues without a reset.
+    model, an equal timing, and the controller of this drive, which continues without a reset.
     """
 
     state: DriveState
     checkpoint: Checkpoint
     timing: Timing
-    """step, control period and time between rows for which the caller asked"""
+    """step, control period and time between rows that the caller requested"""
     fine: Timing
-    """the same times, with the shorter step that the drive took"""
+    """these times, with the shorter step that the drive took"""
     place: tuple[float, float]
     "x and y [m] at which the drive began"
     symmetric: bool
@@ -155,7 +155,8 @@ class DriveEnd:
         Parameters
         ----------
         timing, symmetric
-            Timing and symmetry that the caller asks for in the continuation. They must equal those of this drive.
+            Timing and symmetry that the caller asks for in the continuation. They must equal the model and the timing
+            of this drive.
         new_state : DriveState
             A state of the model that the caller gives for the continuation. The shapes of its arrays must equal those
             of this drive.

@@ -31,12 +31,12 @@ slopes and soft ground would give."""
 def experiment_on(
     log: DriveLog, model: Model, jobs: Workers = 1, progress: Progress = lambda message: None, memory: Memory = Memory()
 ) -> tuple[DriveExperiment, Model, tuple[Parameter, ...]]:
-    """Return a drive log as an experiment to which a model can be fitted, with the model and its uncertain numbers.
+    """Return a drive log as an experiment for fits, with the model to fit and its uncertain numbers.
 
     Parameters
     ----------
     log : DriveLog
-        The log. Each run is replayed from the state in which the rover rests at the start of the run.
+        The log. Each run is replayed from the rover's state of rest at the start of the run.
     model : Model
         The model of the rover. The returned model also has a scale and a zero for each current whose scale is unknown.
     jobs : Workers
@@ -44,7 +44,7 @@ def experiment_on(
     progress : callable
         Gets a message before each long step.
     memory : Memory
-        Store of finished replays, from which a stopped loop continues.
+        Store of finished replays. A stopped loop continues from this store.
     """
     model = with_raw_currents(log, model)
     progress("setting the rover down at every start")

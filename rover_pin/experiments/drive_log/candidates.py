@@ -53,13 +53,13 @@ def candidates(
     Parameters
     ----------
     model : Model
-        The model to which effects may be added.
+        The model; effects may be added to it.
     experiment : DriveExperiment
         The runs of the log as an experiment.
     free : sequence of Parameter
         The uncertain numbers of the model (`nuisances`).
     kinds : classes of effects
-        Classes of all known effects, including those of the user (`known_effects`).
+        Classes of all known effects, including the user's effects (`known_effects`).
     """
     # Soil, motor and effects without a neutral value belong to every model, so their numbers are no missing effects.
     unknown = {owner_name(effect) for effect in model.sensor_effects if not effect.neutral}

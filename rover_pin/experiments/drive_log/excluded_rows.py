@@ -2,8 +2,8 @@
 
 An outlying pose is a single row whose pose differs from the poses of all neighbouring rows by far more than the noise
 of the tracker. If a tracker confuses the rover's marker with another one in one frame, the whole pose is wrong, so all
-six numbers of the row are left out. Two or more such rows in sequence are a jump. The data check reports a jump, but no
-row is left out.
+six numbers of the row are excluded. Two or more such rows in sequence are a jump. The data check reports a jump, but no
+row is excluded.
 
 A duty step is ambiguous if its instant is unknown. If commands are given at the rows, the duty of a row has been
 applied since the row before. If rows were read late or not written, the log shows only that the duty changed between
@@ -38,7 +38,7 @@ MIN_OUTLIER_SD = 6.0
 in one of some million rows. A wrongly excluded row costs one row, but a wrong pose that is kept shifts the whole path
 after it."""
 NEIGHBOURS = 2
-"""Number of rows before and of rows after a pose with which the pose is compared."""
+"""Number of rows before a pose, and number of rows after it, for the comparison with the pose."""
 MAX_NEIGHBOUR_TIME = 0.3
 """Maximum time from the first to the last neighbour of a pose [s]. Neighbours that are farther apart do not determine
 the pose between them. Next to a gap, the neighbours on the other side must lie within half of this time."""
@@ -53,8 +53,8 @@ MIN_STEP_RATIO = 5.0
 """Minimum size of an ambiguous duty step, as a multiple of the median change of the duty from row to row (assumed). In
 a duty that changes in every row, the errors of the instants average out, so no step is excluded."""
 RESPONSE_TIME = 0.1
-"""Time after an ambiguous duty step in which rows are not compared [s]. A wheel needs this time to reach its new rate:
-that of a series motor with its wheel (assumed)."""
+"""Time after an ambiguous duty step [s]; rows within this time are not compared. A wheel needs this time to reach its
+new rate. The value belongs to a series motor with its wheel (assumed)."""
 
 MIN_LANE_STEP = 1e-3
 """Minimum difference in height between two lanes [m] at which a wheel on their border is not compared (assumed: raked
@@ -62,10 +62,10 @@ sand is less even)."""
 
 
 def pose_outliers(log: Trace) -> np.ndarray:
-    """Return a mask (rows,) of the rows of a logged run in which the tracked pose is an outlier.
+    """Return a mask (rows,) of the rows of a logged run whose tracked pose is an outlier.
 
-    A pose is an outlier if one of its numbers lies on the same side of the two poses before and of the two poses after
-    it, and far from all four.
+    A pose is an outlier if one of its numbers lies on one side of the two poses before and of the two poses after it,
+    and far from all four.
     """
     outliers = np.zeros(len(log.t), dtype=bool)
     # The second pass finds outliers whose neighbour was an outlier as well.
@@ -77,13 +77,13 @@ def pose_outliers(log: Trace) -> np.ndarray:
 
 
 def without_pose_outliers(log: Trace) -> Trace:
-    """Return a logged run in which all numbers of the outlying poses (found by `pose_outliers`) are replaced by NaN."""
+    """Return a logged run with NaN in place of all numbers of the outlying poses (found by `pose_outliers`)."""
     return without_poses(log, pose_outliers(log))
 
 
 def without_poses(log: Trace, outliers: np.ndarray) -> Trace:
-    """Return a logged run in which all numbers of the pose are replaced by NaN in the rows that the mask `outliers`
-    (rows,) marks.
+    """Return a logged run with NaN in place of all numbers of the pose, in the rows that the mask `outliers` (rows,)
+    marks.
     """
     if not outliers.any():
         return log
@@ -96,7 +96,7 @@ def white_noise_sd(values: np.ndarray) -> float:
     neighbours.
 
     The median distance is used, so that steps and outliers of the signal have no influence. Samples without both
-    neighbours are left out. If no sample remains, the result is 0.
+    neighbours are omitted. If no sample remains, the result is 0.
     """
     # A straight line has no deviation from the mean of its neighbours, so that only noise remains.
     deviation = values[1:-1] - (values[:-2] + values[2:]) / 2
@@ -123,7 +123,7 @@ def _outlier_indices(t: np.ndarray, values: np.ndarray, name: str) -> np.ndarray
 
 
 class AmbiguousStep(NamedTuple):
-    """The interval between two rows of a log in which at least one duty changed at an unknown instant."""
+    """An interval between two rows of a log. At least one duty changed at an unknown instant within it."""
 
     begin: float
     "time of the row before the step [s]"
@@ -164,7 +164,7 @@ def later_duties(step: AmbiguousStep, run: ReplayCommands, wheels: Sequence[str]
     """Return the change of the duties of a replay (rows, wheels) if an ambiguous step happens one SD later than
     assumed.
 
-    A replay assumes that the step happens half-way between its two rows. The true instant is uniformly distributed
+    A replay assumes that the step happens in the middle between its two rows. The true instant is uniformly distributed
     between the rows, so its SD is the interval between the rows divided by sqrt(12).
     """
     # Fraction of each row of the replay that lies between the assumed instant and one SD later.
@@ -186,8 +186,7 @@ def lanes_under(log: DriveLog, trace: Trace, shared: Terrain) -> Terrain:
 
 
 def on_borders(run: ReplayCommands, rover: Rover, terrain: Terrain | None) -> np.ndarray:
-    """Return a mask of the rows of a run (rows,) in which a wheel is on the border between two lanes of different
-    heights.
+    """Return a mask of the rows of a run (rows,) with a wheel on the border between two lanes of different heights.
 
     The result is False in all rows if the terrain has no lanes.
     """

@@ -45,8 +45,8 @@ from rover_pin.simulation.trace.channels import unit_of
 FEATURE_UNITS = {PATH: "m", DRIFT: "m", HEADING: "rad", SPEED: "m/s"}
 """Feature that is computed from several channels -> its unit."""
 AHEAD = 0.005
-"""Distance [m] by which the logged place is displaced forwards, to compute how a drift of the tracker changes the
-predictions: some SDs of a tracker's noise."""
+"""Forward displacement [m] of the logged place. It shows how a drift of the tracker changes the predictions. The value
+is some SDs of a tracker's noise."""
 TWO_ROWS = np.array([0.0, 1.0])
 """Times of two rows [s]. Each sensor effect is applied to two such rows, to find out whether it changes the inputs of a
 replay."""
@@ -59,7 +59,7 @@ MIN_LENGTH = 0.05
 
 @dataclass(frozen=True, eq=False)
 class DriveExperiment(Experiment):
-    """The runs of a drive log as an experiment (`estimation.experiment.Experiment`) to which models can be fitted.
+    """The runs of a drive log as an experiment (`estimation.experiment.Experiment`) for the fit of models.
 
     The observations are the features of the runs (half-second means of channels, see `features`). A model predicts the
     features by replays: simulations with the logged commands, which are held to the logged place. Each run is held out
@@ -68,11 +68,11 @@ class DriveExperiment(Experiment):
 
     runs: tuple[LoggedRun, ...]
     rests: tuple[SharedRest | None, ...] = field(repr=False)
-    """state in which the rover rests at the start of each run; None if the rover does not settle at this start"""
+    """the rover's state of rest at the start of each run; None if the rover does not settle at this start"""
     jobs: Workers = 1
     """worker processes that replay the runs"""
     memory: Memory = field(default=Memory(), repr=False)
-    """store of results in files, from which a stopped loop continues"""
+    """store of results in files; a stopped loop continues from it"""
     recent: Recent = field(default_factory=Recent, repr=False)
     """store of the most recently computed predictions in this process"""
     noise_sd: Mapping[str, float] = field(default_factory=dict, repr=False)
@@ -104,7 +104,7 @@ class DriveExperiment(Experiment):
 
     @property
     def folds(self) -> tuple[str, ...]:
-        """Names of the runs, each of which is held out alone."""
+        """Names of the runs. Each run is held out alone."""
         return tuple(run.name for run in self.runs)
 
     @property
@@ -214,7 +214,7 @@ class DriveExperiment(Experiment):
         return FEATURE_UNITS.get(channel) or unit_of(channel)
 
     def neighbours(self, candidate: Candidate, step: float) -> list[Candidate]:
-        """Return variants of a candidate effect in which one end of its stretch of ground is moved by `step` [m]."""
+        """Return variants of a candidate effect with one end of its stretch of ground moved by `step` [m]."""
         return neighbours(candidate, step)
 
     def random_field(self, model: Model) -> RandomField:
@@ -300,7 +300,7 @@ class DriveExperiment(Experiment):
 
 
 def neighbours(candidate: Candidate, step: float) -> list[Candidate]:
-    """Return variants of a candidate effect in which one end of its stretch of ground is moved by `step` [m].
+    """Return variants of a candidate effect with one end of its stretch of ground moved by `step` [m].
 
     The search for the place of an effect compares these variants. Each end is moved forwards and backwards, which gives
     up to four variants. The list is empty if the place of the effect is not searched.
@@ -325,7 +325,7 @@ def experiment_of(
     memory: Memory = Memory(),
     noise_sd: Mapping[str, float] = {},
 ) -> DriveExperiment:
-    """Return logged runs as an experiment in which every model starts each run from the state in which `model` rests.
+    """Return logged runs as an experiment. Every model starts each run from the state of rest of `model`.
 
     The arguments `jobs`, `memory` and `noise_sd` are the fields of `DriveExperiment`.
     """
@@ -340,14 +340,14 @@ def experiment_of_log(fit: Fit) -> DriveExperiment:
 
 
 def _held_to(run: LoggedRun, place: np.ndarray) -> LoggedRun:
-    """Return the run with another place (rows, 3) to which its replays are held. With NaN, the replays drive freely."""
+    """Return the run with another place (rows, 3), which its replays are held to. With NaN, the replays drive
+    freely.
+    """
     return dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=place))
 
 
 def _rest(model: Model, run: ReplayCommands) -> SharedRest | None:
-    """Return the state in which a model rests at the start of a run, or None if the model does not settle at this
-    start.
-    """
+    """Return a model's state of rest at the start of a run, or None if the model does not settle at this start."""
     try:
         return shared_rest(run.on(model), run.start)
     except SimulationError:
@@ -364,8 +364,8 @@ def _replay_run(
 ) -> Replay:
     """Replay a run by a model, that is, simulate the model with the logged commands.
 
-    If the rover does not settle at the start or has impossible values, the replay has no channels except the times. The
-    arguments are those of `simulation.replay.replay`.
+    If the rover does not settle at the start or has impossible values, the replay has no channels except the times. For
+    the arguments, see `simulation.replay.replay`.
     """
     try:
         return replay(model, run, perturbation, rest_state, fine, steps)
@@ -374,8 +374,7 @@ def _replay_run(
 
 
 def _drive_key(model: Model, rate_driven: bool) -> tuple[int, ...]:
-    """Return a key that is equal for models with the same replays: the identities of all parts on which a replay
-    depends.
+    """Return a key that is equal for models with equal replays: the identities of all parts that a replay depends on.
 
     The sensors of a model do not belong to the key, except sensors that change the inputs of a replay. These inputs are
     the logged place and, if `rate_driven` is True, the wheel rates.

@@ -1,7 +1,7 @@
 """Compute the features of a logged run: half-second means of channels, measured and replayed, which the loop compares.
 
 `logged_run` turns one run of a log into a `LoggedRun`, which holds the measured features and the commands for a replay
-(a simulation of this run). `LoggedRun.features` computes the same features from a replay. Some features are channels of
+(a simulation of this run). `LoggedRun.features` computes these features from a replay. Some features are channels of
 the log, such as `wheel_rate_fl`; others are computed from several channels (PATH, DRIFT, HEADING, SPEED). The tracked
 place itself is not compared, because its error is the sum of all errors since the start.
 """
@@ -38,18 +38,18 @@ from rover_pin.terrain.terrain import Terrain
 
 BLOCK = 0.5
 """Time over which samples are averaged for the comparison [s]: long compared with a motor's 0.1 s, short compared with
-the 2.5 s for which a duty is held."""
+the duration of a duty, 2.5 s."""
 LEAK = 2.0
-"""Time constant [s] with which summed distances and turns decay. In a sum without decay, the first error of a run would
+"""Time constant [s] of the decay of summed distances and turns. In a sum without decay, the first error of a run would
 have the largest weight. With it, the noise of the ground adds up over this time only."""
 BEGIN = 1.0
 """Time at the start of a run that is not compared [s], because tracker and wheels may already move (assumed)."""
 SLOW = 0.2
-"""Mean wheel rate [rad/s] below which the rover counts as standing. Rows with a standing rover are not compared,
-because a replay does not predict when a wheel sticks (assumed)."""
+"""Minimum mean wheel rate [rad/s] of a moving rover. Rows with a slower rover are not compared, because a replay does
+not predict when a wheel sticks (assumed)."""
 SLOW_SHARE = 0.1
-"""Fraction of the fastest wheel rate below which a rover counts as standing, if its wheels follow their measured rates
-and if this limit is smaller than SLOW: large wheels turn slowly (assumed)."""
+"""Minimum wheel rate of a moving rover as a fraction of its fastest wheel rate, if its wheels follow their measured
+rates and if this limit is smaller than SLOW. Large wheels turn slowly (assumed)."""
 AFTER_TURN = 1.5
 """Time after a standstill or a reversal that is not compared [s], because the shear displacement of the soil builds up
 anew (assumed)."""
@@ -71,8 +71,8 @@ Tilts and the channels of an inertial unit have sensors of their own and are com
 RAW = ("body_x", "body_y", "body_yaw", "body_vx", "body_vy", "body_vz")
 """Channels that are not compared themselves, but only through the features that are computed from them."""
 ATTITUDE = ("body_pitch", "body_roll", "body_z")
-"""Channels from which the terrain of a run is estimated. On an estimated terrain these channels are not compared,
-because they would then count twice."""
+"""Channels for the estimate of a run's terrain. On an estimated terrain these channels are not compared, because they
+would then count twice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,10 +101,10 @@ class LoggedRun:
     """change of the duties (rows, wheels) for each ambiguous duty step, if this step happens one SD later than
     assumed"""
     on_border: float = 0.0
-    """total time in which a wheel is on the border of two lanes [s]; this time is not compared"""
+    """total time with a wheel on the border of two lanes [s]; this time is not compared"""
     course: str = ""
-    """formula by which the log computes the heading from the place, or ''; with a formula, the heading of a replay is
-    computed by it too"""
+    """the log's formula for the heading from the place, or ''; with a formula, the heading of a replay is computed by
+    it too"""
 
     @cached_property
     def usable(self) -> np.ndarray:
@@ -161,7 +161,7 @@ class LoggedRun:
 def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None, course: str = "") -> LoggedRun:
     """Return one run of a log with its measured features (half-second means), ready for the comparison with replays.
 
-    Not compared are outlying poses, ambiguous duty steps, and the time in which a wheel is on the border of two lanes.
+    Not compared are outlying poses, ambiguous duty steps, and the time with a wheel on the border of two lanes.
 
     Parameters
     ----------
@@ -172,8 +172,7 @@ def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None, course:
     terrain : Terrain, optional
         The declared terrain under the run. It states the borders between lanes.
     course : str
-        Formula by which the log computes the heading from the place, as `course_of` returns it; '' if the heading is
-        measured.
+        The log's formula for the heading from the place, as `course_of` returns it; '' if the heading is measured.
     """
     log = with_assumed_rates(without_pose_outliers(log), rover)
     wheels = tuple(wheel.name for wheel in rover.wheels)
@@ -243,7 +242,8 @@ def logged_runs(log: DriveLog, rover: Rover) -> tuple[LoggedRun, ...]:
 
 
 def with_assumed_rates(log: Trace, rover: Rover) -> Trace:
-    """Return a run in which each wheel without a recorded rate has the mean rim speed of the other wheels on its side.
+    """Return a run with a rate for each wheel. A wheel without a recorded rate gets the mean rim speed of the other
+    wheels on its side.
 
     Only a run without duties is changed, because its replay needs the rate of every wheel. A rate counts as not
     recorded if more than the fraction MAX_MISSING of its rows has no number. Assumed rates are not compared.
@@ -277,7 +277,7 @@ def pose_increments(channels: Mapping[str, np.ndarray], heading: np.ndarray) -> 
     ----------
     channels : mapping of str to np.ndarray
         Channels (rows,) by name: body_x and body_y [m], body_yaw [rad], body_vx and body_vy [m/s]. A feature without
-        its channels is left out.
+        its channels is omitted.
     heading : np.ndarray
         Direction of PATH and SPEED [rad] (rows,); DRIFT is perpendicular to it, positive to the left.
     """
@@ -301,8 +301,8 @@ def driven_features(
     """Return the features that are computed from several channels: PATH, DRIFT and HEADING as decaying sums, and SPEED
     (rows,).
 
-    `channels` and `heading` are those of `pose_increments`, `period` is the time between rows [s], and the mask
-    `summed_rows` (rows,) marks the rows whose increments are added. The increments of all other rows are left out,
+    For `channels` and `heading`, see `pose_increments`; `period` is the time between rows [s], and the mask
+    `summed_rows` (rows,) marks the rows whose increments are added. The increments of all other rows are not summed,
     because each would stay in the sum and be compared in later rows. Older increments decay with the time constant
     LEAK.
     """
@@ -311,7 +311,7 @@ def driven_features(
 
 
 def leaky(steps: np.ndarray, period: float) -> np.ndarray:
-    """Return the sum of increments (rows,) in which older increments decay with the time constant LEAK.
+    """Return the sum of increments (rows,). Older increments decay with the time constant LEAK.
 
     `period` is the time between two increments [s].
     """
@@ -321,7 +321,7 @@ def leaky(steps: np.ndarray, period: float) -> np.ndarray:
 def blocks(rows: np.ndarray, period: float) -> np.ndarray:
     """Return the means of rows (..., rows) over blocks of BLOCK seconds, along the last axis (..., blocks).
 
-    `period` is the time between rows [s]. Rows after the last complete block are left out.
+    `period` is the time between rows [s]. Rows after the last complete block are omitted.
     """
     length = max(1, round(BLOCK / period))
     count = rows.shape[-1] // length
@@ -341,10 +341,10 @@ def remove_level(name: str, block: np.ndarray, use: np.ndarray) -> np.ndarray:
 
 
 def comparable_rows(run: ReplayCommands, rates: Sequence[np.ndarray]) -> np.ndarray:
-    """Return a mask of the rows (rows,) in which a replay can be compared with a run.
+    """Return a mask of the rows (rows,) of a run that can be compared with a replay.
 
-    A row can be compared if it is later than BEGIN after the start, and if the rover has not stood or reversed during
-    the last AFTER_TURN seconds. `rates` holds the rates of the wheels [rad/s], each (rows,).
+    A row can be compared if it is later than BEGIN after the start, and if the rover has neither stopped nor reversed
+    during the last AFTER_TURN seconds. `rates` holds the rates of the wheels [rad/s], each (rows,).
     """
     t, rows = run.t, np.nan_to_num([fill_gaps(row) for row in rates])
     duty, rate = run.duty.mean(axis=1), rows.mean(axis=0)
@@ -366,7 +366,7 @@ def in_whole_gaps(summed_rows: np.ndarray, missing: np.ndarray) -> np.ndarray:
 
     A gap is a sequence of rows without a place (mask `missing`). It is filled by a straight line, which spreads the
     distance over all rows of the gap. If some rows of a gap are not in `summed_rows`, the distance in its other rows is
-    unknown, and the whole gap is left out.
+    unknown, and the whole gap is omitted.
     """
     # The increment of the row after a gap spans a part of the gap, so this row belongs to the gap too.
     bridged = missing | np.concatenate([[False], missing[:-1]])
@@ -375,8 +375,7 @@ def in_whole_gaps(summed_rows: np.ndarray, missing: np.ndarray) -> np.ndarray:
 
 
 def course_of(columns: Mapping[str, Any]) -> str:
-    """Return the formula by which a log computes the heading from the place, or an empty text if the log measures the
-    heading.
+    """Return a log's formula for the heading from the place, or an empty text if the log measures the heading.
 
     The formula is the entry of body_yaw in the log's table [columns], if it uses body_x and body_y.
 

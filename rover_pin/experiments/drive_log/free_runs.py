@@ -78,7 +78,7 @@ def distances_of(free: tuple[FreeRun, ...]) -> tuple[float, float]:
     effects).
 
     In a free simulation the rover drives with the logged commands and without corrections to the logged place. Runs
-    whose distance is NaN are left out. If no run remains, the result is NaN.
+    whose distance is NaN do not count. If no run remains, the result is NaN.
     """
     rows = np.array([(free_run.before, free_run.after) for free_run in free])
     before, after = (

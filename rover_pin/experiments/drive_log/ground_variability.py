@@ -16,11 +16,11 @@ from rover_pin.experiments.drive_log.random_effects import KINDS, SLOPE, SLOPE_O
 from rover_pin.simulation.logged_inputs import fill_gaps
 
 MIN_GAIN = 10.8 * LEARNT_NOISE_INFLATION
-"""Minimum decrease of -2 ln L from which random slopes of the ground count as significant, where L is the likelihood of
-the log. Chance exceeds 10.8, the value of chi2 with one degree of freedom, once in 1,000 logs."""
+"""Minimum decrease of -2 ln L by significant random slopes of the ground, where L is the likelihood of the log. Chance
+exceeds 10.8, the value of chi2 with one degree of freedom, once in 1,000 logs."""
 MAX_SURVEY_ERROR = math.radians(0.1)
-"""Maximum RMS difference between the slope of the ground and the declared slope [rad] up to which the ground counts as
-declared, even if the difference is significant: 2 mm in a metre (assumed)."""
+"""Maximum RMS difference between the slope of the ground and the declared slope [rad]: 2 mm in a metre (assumed). Up to
+it, the ground counts as declared, even if the difference is significant."""
 
 
 class Stretch(NamedTuple):
@@ -65,7 +65,7 @@ class GroundVariability(NamedTuple):
     @property
     def lines(self) -> list[str]:
         """The learnt SDs as lines of text: one line for the ground and one for the tracker. A line without positive SDs
-        is left out.
+        is omitted.
         """
         # An SD of 0 means that the log shows no such variability.
         groups: dict[str, list[str]] = {"ground": [], "tracker": []}

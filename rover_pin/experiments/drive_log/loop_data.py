@@ -1,6 +1,4 @@
-"""A drive log in the form in which the loop takes its data: data check, base model, candidates, and additional
-results.
-"""
+"""A drive log in the form that the loop needs: data check, base model, candidates, and additional results."""
 
 import dataclasses
 import functools
@@ -46,7 +44,7 @@ from rover_pin.simulation.model.toml_file import RIG_KIND, read_model, write_mod
 
 
 def start_on_log(log: DriveLog, file: str | Path, trust: Trust = Trust()) -> Model:
-    """Read a model file and return the model from which the loop on a drive log starts.
+    """Read a model file and return it as the starting model of the loop on a drive log.
 
     If the file holds the model of a single wheel, soil, traction law and contact effects come from this file, and
     rover, motors and ground from the log.
@@ -78,7 +76,7 @@ class DriveLogData(LoopData):
 
     log: DriveLog
     model: Model | None = None
-    """model from which the loop starts; None: the model that the log declares"""
+    """starting model of the loop; None: the model that the log declares"""
     workers: Workers = 1
     memory: Memory = Memory()
     kind: ClassVar[str] = "drive-log"
@@ -87,7 +85,7 @@ class DriveLogData(LoopData):
     def starting_from(
         cls, log: DriveLog, start: Any, workers: Workers = 1, trust: Trust = Trust(), memory: Memory = Memory()
     ) -> "DriveLogData":
-        """Return a drive log together with the model from which the loop starts.
+        """Return a drive log together with the starting model of the loop.
 
         `start` is the model of a rover, a model file, or None for the model that the log declares.
 
@@ -131,12 +129,12 @@ class DriveLogData(LoopData):
         return self.log.metadata.name
 
     def base_model(self) -> Model:
-        """Return the model from which the loop starts."""
+        """Return the starting model of the loop."""
         return self.model if self.model is not None else base_model(self.log)
 
     def question(self, kinds: Sequence[type], progress: Progress = quiet) -> Question:
-        """Return what the loop has to decide on this log: which effect, at which wheel, channel or place, the model
-        lacks.
+        """Return the question of the loop on this log: which effect, at which wheel, channel or place, does the model
+        lack?
 
         `kinds` are the classes of the effects that are considered.
         """
@@ -167,7 +165,7 @@ class DriveLogData(LoopData):
         return too_poor(self.log)
 
     def findings(self) -> tuple[Finding, ...]:
-        """Check the log, and return what the data check found."""
+        """Check the log, and return the findings of the data check."""
         return findings(self.log)
 
     def extra(self, verdict: Verdict, question: Question, progress: Progress = quiet, seed: int = 0) -> Verdict:

@@ -84,7 +84,7 @@ def base_model(log: DriveLog) -> Model:
     """Return the model that a log declares: rover, terrain, soil, motor, motion resistance, gravity, and the paper's
     traction.
 
-    If the log declares no resistance, R is the value with which the rover drives on level ground with the declared soil
+    If the log declares no resistance, R gets the value that lets the rover drive on level ground with the declared soil
     at the slip S = 0.05.
 
     Raises
@@ -122,7 +122,7 @@ def declared_tracker(log: DriveLog) -> tuple[SensorEffect, ...]:
     """Return the errors of the tracker that a log's table [tracker] declares, as sensor effects.
 
     These are the scale error e, the delay d [s], and the tracked point x, y [m]. If the place of a log is wheel
-    odometry, the result always has a scale error, which stands for the slip.
+    odometry, the result always has a scale error, which represents the slip.
 
     Raises
     ------
@@ -167,7 +167,7 @@ def is_rate_driven(log: DriveLog) -> bool:
 def has_current_scale(log: DriveLog) -> bool:
     """Return whether the torque of a motor can be computed from its logged current in amperes.
 
-    This is so if the log declares k_t and gear of the motor, or if the log has duties, from which both can be fitted.
+    This is so if the log declares k_t and gear of the motor, or if the log has duties, so that both can be fitted.
     """
     return {"k_t", "gear"} <= log.metadata.motor.keys() or not is_rate_driven(log)
 
@@ -305,8 +305,7 @@ def parameter(
 
 
 def owner_name(effect: Any) -> str:
-    """Return the name of an effect as it occurs in the names of its numbers: its class, with its wheel or channel in
-    brackets.
+    """Return the part of an effect in the names of its numbers: its class, with its wheel or channel in brackets.
 
     Examples: "MotionResistance", "WeakMotor[2]", "SensorBias[body_pitch]".
     """
@@ -334,7 +333,7 @@ def with_record(model: Model, owner: str, record: Any) -> Model:
 
 
 def with_wheels(text: str, wheels: Sequence[str], form: str) -> str:
-    """Return a text in which the name of the wheel is added to each numbered effect, such as WeakMotor[2].
+    """Return a text with the name of the wheel added to each numbered effect, such as WeakMotor[2].
 
     Names of numbers, such as WeakMotor[2].g, are not changed.
 

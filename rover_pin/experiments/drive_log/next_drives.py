@@ -43,17 +43,17 @@ the friction of a gear."""
 FASTER, SLOWER = 1.45, 0.7
 """Duties of two additional drives over the ground of the log, as multiples of the log's median driving duty."""
 HOLD, DUTY_RANGE, WHEEL_SPREAD = 2.5, (0.45, 0.85), 0.1
-"""Random duties: the time for which each duty is held [s], the range of the mean duty of all wheels, and the maximum
-difference between one wheel's duty and this mean."""
+"""Random duties: the duration of each duty [s], the range of the mean duty of all wheels, and the maximum difference
+between one wheel's duty and this mean."""
 ONE_WHEEL_STEP = 0.25
 """Difference between one wheel's duty and the duty of the other wheels, in runs that test a single wheel."""
 BALLAST = 0.2
 """Ballast of a loaded run, as a fraction of the mass of the rover."""
 ROLLING_LABEL = "rolling"
-"""Word in the label of a run in which the motors let the rover roll. Such a run is left out if the wheels follow given
+"""Word in the label of a run with a rover that rolls freely. Such a run is not proposed if the wheels follow given
 rates, because they cannot roll freely then."""
 MOVING_DUTY = 0.1
-"""Mean duty of all wheels above which the rover counts as driving. The median duty of a log is taken over such rows."""
+"""Minimum mean duty of all wheels of a driving rover. The median duty of a log is taken over such rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,9 +100,9 @@ class CandidateRun:
         return model.replace(rover=rover, terrain=self.terrain or model.terrain)
 
     def commands(self, rover: Rover, place: np.ndarray | None = None) -> ReplayCommands:
-        """Return the commands with which a model is simulated on this run.
+        """Return the commands for the simulation of a model on this run.
 
-        `place` (rows, 3) with x, y [m] and yaw [rad] is the path to which the simulation is held. Without `place`, the
+        `place` (rows, 3) with x, y [m] and yaw [rad] is the path that the simulation is held to. Without `place`, the
         model drives freely.
         """
         # NaN as the place lets the model drive freely.
@@ -120,7 +120,7 @@ def next_drives(leading: Sequence[Hypothesis]) -> Iterator[Offer]:
 
     A hypothesis is the base model together with a set of possible causes of the residual.
 
-    The first hypothesis is the most probable one. A run is left out if the model of this hypothesis cannot drive it to
+    The first hypothesis is the most probable one. A run is dropped if the model of this hypothesis cannot drive it to
     the end.
     """
     for run in _choice(leading):
@@ -164,8 +164,8 @@ def noise_with(noise: Noise, channels: Sequence[str], unmeasured: Sequence[str],
     measured.
 
     The noise of a current is the SD of one sample, multiplied by the ratio between the noise of the half-second means
-    and the noise of single samples of the wheel rates. The ground is assumed to add the same relative noise to rates
-    and currents.
+    and the noise of single samples of the wheel rates. The ground is assumed to add equal relative noise to rates and
+    currents.
 
     Parameters
     ----------
@@ -231,8 +231,8 @@ def candidate_runs(
     log_start : Start
         Start pose of the runs over the ground of the log.
     alone : sequence of int
-        Indices of the wheels that are tested singly. Each gets a run of its own, in which its duty differs from that of
-        the other wheels.
+        Indices of the wheels that are tested singly. Each gets a run of its own, with a duty that differs from the duty
+        of the other wheels.
     """
     # Runs come in both directions, because a slope or a drag looks different in each of them.
     wheels, flat, up, back = len(rover.wheels), _ramp(0.0), _ramp(SLOPE), Start(yaw=math.pi)
@@ -283,7 +283,7 @@ def candidate_runs(
 def on_own_ground(rover: Rover, cruise: float, log_start: Start) -> tuple[CandidateRun, ...]:
     """Return the candidate runs over the ground of the log, for effects that act at a place on this ground.
 
-    The arguments are those of `candidate_runs`.
+    For the arguments, see `candidate_runs`.
     """
     wheels = len(rover.wheels)
     # Other duties than the logged one, over the same ground.
@@ -312,7 +312,7 @@ def _duties(levels: Sequence[float], wheels: int) -> np.ndarray:
 
 
 def _random(wheels: int) -> np.ndarray:
-    """Return random duties (rows, wheels), each held for HOLD seconds. Every call returns the same duties."""
+    """Return random duties (rows, wheels), each held for HOLD seconds. Every call returns equal duties."""
     # The seed is fixed, so that a proposed run is the same in every proposal.
     random, count = np.random.default_rng(0), math.ceil(DURATION / HOLD)
     duties = random.uniform(*DUTY_RANGE, (count, 1)) + random.uniform(-WHEEL_SPREAD, WHEEL_SPREAD, (count, wheels))

@@ -1,8 +1,7 @@
-"""Wheel odometry with fitted slip: the simple kinematic model with which a user would predict a drive without this
-model.
+"""Wheel odometry with fitted slip: a user without this model would predict a drive by this simple kinematic model.
 
 The verdict on a drive log states the held-out errors of this odometry next to the errors of the fitted model, so that a
-reader sees how much the fitted model gains.
+reader sees the gain of the fitted model.
 """
 
 from collections.abc import Sequence
@@ -104,7 +103,7 @@ def _tables(experiment: DriveExperiment, rover: Rover, channels: Sequence[str], 
 
 
 def _regressors(run: LoggedRun, rover: Rover, names: Sequence[str]) -> np.ndarray:
-    """Return the regressors of a run (4, channels, blocks), by which the four numbers of wheel odometry are fitted.
+    """Return the regressors of a run (4, channels, blocks) for the fit of the four numbers of wheel odometry.
 
     The four numbers are 1 - s with the slip s, the gain g of the yaw rate, and the place x, y of the tracked point.
 

@@ -7,8 +7,8 @@ blocks). The noise model learns the SD of each kind from the log.
 
 * Ground: raking the sand changes grip and slope along the path from run to run.
 * Tracker: its zero drifts over seconds by about its noise, longer than the correlation time of blocks, and a run may
-  begin with a wrong zero. If the drift were left out, all runs together would seem to show a bias, a scale error, a
-  tilt or a spring.
+  begin with a wrong zero. Without the drift, all runs together would seem to show a bias, a scale error, a tilt or a
+  spring.
 * Duty steps: see `excluded_rows.AmbiguousStep`.
 """
 
@@ -73,7 +73,7 @@ def ground_columns(
     runs : sequence of LoggedRun
         The runs of the log.
     model : Model
-        The model by which the runs are simulated.
+        The model for the simulation of the runs.
     still : np.ndarray
         Features that the model predicts without a perturbation (runs, channels, blocks).
     replays : callable
@@ -161,7 +161,7 @@ def tracker_columns(
     length : int
         Number of blocks of the longest run.
     ahead : np.ndarray
-        Change of each predicted feature per metre by which the place of the replay is too far ahead (runs, channels,
+        Change of each predicted feature for each metre of forward error in the place of the replay (runs, channels,
         length). It is needed because a replay is held to the logged place, so that an error of this place along the
         path also shifts bumps.
 

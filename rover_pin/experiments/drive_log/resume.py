@@ -40,7 +40,7 @@ class Memory:
     Parameters
     ----------
     folder : Path, optional
-        Folder of the results, in which the folder FOLDER is created. If it is None, nothing is stored.
+        Folder of the results; the folder FOLDER is created in it. If it is None, nothing is stored.
     key : str
         Digest of the code on which the arrays depend. Arrays that were stored with another key are not used.
     """
@@ -81,7 +81,7 @@ class Memory:
         """Add a note on how to continue to the exception if KeyboardInterrupt or SystemExit stops the work in this
         `with` block.
 
-        The note states that the same command continues from the stored files.
+        The note states that a repetition of the command continues from the stored files.
         """
         try:
             yield
@@ -147,8 +147,8 @@ class Recent:
 
 
 def digest(*values: Any) -> str:
-    """Return a digest of the content of some values as 32 hexadecimal digits, by which results that depend on them are
-    found.
+    """Return a digest of the content of some values as 32 hexadecimal digits. Results that depend on these values are
+    found by the digest.
 
     Values may be records, arrays, numbers, text, rovers, and sequences and mappings of them. Equal content gives an
     equal digest in every process.

@@ -42,10 +42,10 @@ MAY_MISREAD = (
 class AxleGrip(Effect):
     """Effect that changes the friction angle phi of the soil under one axle: tan phi -> (1 + share) tan phi.
 
-    The axle is counted by the number of wheels of the same side that have passed before. A simulation with this effect
-    shows how the grip under one axle influences all channels.
+    The axle is counted by the number of wheels of its side that have passed before. A simulation with this effect shows
+    how the grip under one axle influences all channels.
 
-    Source: none, because the effect is a perturbation. Differs from the paper: there the soil is the same everywhere.
+    Source: none, because the effect is a perturbation. Differs from the paper: its soil is uniform.
     """
 
     share: Scalar = quantity(GRIP_SHARE, "", "assumed: a perturbation", -0.9, 10.0, "s")
@@ -81,7 +81,7 @@ class Part(NamedTuple):
 class Act(NamedTuple):
     """One action that an unknown effect may have, such as a torque on one wheel.
 
-    All parts of the action are multiplied by the same function, which is evaluated with the signals of each part.
+    All parts of the action are multiplied by one function, which is evaluated with the signals of each part.
     """
 
     kind: str
@@ -117,7 +117,7 @@ class Scene:
 
     @property
     def experiment(self) -> DriveExperiment:
-        """The runs of the drive log to which the model was fitted."""
+        """The runs of the drive log that the model was fitted to."""
         return experiment_of_log(self.fit)
 
     @cached_property
@@ -242,7 +242,7 @@ def acts(scene: Scene) -> tuple[Act, ...]:
 
 
 def _of_wheels(scene: Scene, kind: str, unit: str, parts: tuple[Part, ...]) -> list[Act]:
-    """Return an action, such as a torque, on each single wheel, and the same action on all wheels together.
+    """Return an action, such as a torque, on each single wheel, and this action on all wheels together.
 
     `parts` are the parts of the action that act at one wheel, in the order of the wheels.
     """

@@ -4,8 +4,8 @@ tried.
 A term is an action (for example a torque on one wheel) times a function of one argument (for example the angle of the
 wheel). `draft` chooses a kind of effect that can perform the action and that knows the argument.
 
-The text and the object use the same rounded numbers, so that both are the same effect. The text is never executed here,
-because it contains names of runs and channels, which come from the user's data.
+The text and the object use equal rounded numbers, so that both are one effect. The text is never executed here, because
+it contains names of runs and channels, which come from the user's data.
 """
 
 import math
@@ -29,8 +29,7 @@ from rover_pin.simulation.model.effect_source import IMPORTED_NAMES, Coefficient
 Values = Any
 """Argument of a function: a float, an array over time, or a CasADi expression."""
 MAX_SIZE = 20.0
-"""Upper limit, and with a minus sign lower limit, of a draft's `size` in a fit. The size 1 stands for the estimated
-effect."""
+"""Upper limit, and with a minus sign lower limit, of a draft's `size` in a fit. The size 1 is the estimated effect."""
 MAX_CLASS_NAME = 60
 """Maximum number of letters of a drafted effect's class name. Further letters of the given name are cut off."""
 STATES = (
@@ -40,12 +39,12 @@ STATES = (
         (State("angle", odd=True), "drive.omega"),
     )
 )  # fmt: skip
-"""Argument -> state by which an effect computes this argument, and code of the state's time derivative. An angle is
+"""Argument -> the state of an effect that holds this argument, and code of the state's time derivative. An angle is
 odd: it changes its sign if the direction of travel is reversed."""
 PLACES = ("place", "local place", "periodic place")
 """Arguments that are a position along x [m], of a wheel or of the base."""
 READING_CODE = "channels[CHANNEL]"
-"""Code by which a sensor effect reads the channel with the error. The effect file holds the channel's name as
+"""Code of a sensor effect that reads the channel with the error. The effect file holds the channel's name as
 CHANNEL."""
 
 ARGUMENTS: dict[type[AnyEffect], dict[str, str]] = {
@@ -115,8 +114,8 @@ class DraftedFunction(NamedTuple):
 def draft(term: Term, name: str, wheels: Sequence[str]) -> DraftedEffect:
     """Draft the effect that a fitted term describes, and return it as the text of an effect file and as an object.
 
-    The effect has one coefficient, `size`: 1 stands for the estimated effect and 0 for no effect. If the numbers of the
-    term differ from run to run, the effect takes the phase of the first run and the mean of each other number.
+    The effect has one coefficient, `size`: 1 is the estimated effect and 0 is no effect. If the numbers of the term
+    differ from run to run, the effect takes the phase of the first run and the mean of each other number.
 
     Parameters
     ----------
@@ -218,7 +217,7 @@ def _carrier(term: Term) -> tuple[type[AnyEffect], str, str] | None:
 def _hook_functions(term: Term, base: type[AnyEffect], wheels: tuple[str, ...]) -> dict[str, Callable[..., Any]]:
     """Return the main method (hook) of a drafted effect as a Python function, under the name of the hook.
 
-    The function computes the same as the code in `ACTIONS` and `ARGUMENTS`, with the same order of operations. Tests
+    The function computes the values of the code in `ACTIONS` and `ARGUMENTS`, with an equal order of operations. Tests
     compare both to the last bit.
     """
     value_at, argument, action, where = _curve(term, "").value_at, term.argument.name, term.act.kind, term.act.where
@@ -288,8 +287,8 @@ def _curve(term: Term, z: str) -> DraftedFunction:
     """Return the estimated function of a term in two forms: as code with the expression `z` as argument, and as a
     Python function.
 
-    A term is an action times this function of a signal. Every number is rounded in the same way in both forms, so that
-    both are equal.
+    A term is an action times this function of a signal. Every number is rounded alike in both forms, so that both are
+    equal.
     """
     arrays, library = ("np", np) if term.act.kind == READING else ("ca", ca)
     basis, size = term.argument.basis, term.size

@@ -23,14 +23,14 @@ two metres can just distinguish."""
 GRID_POINTS = 25
 """Number of points at which a smooth function is evaluated for reports."""
 DEGREE = 2
-"""Degree of the polynomials by which an effect may depend on a smooth signal."""
+"""Degree of the polynomials that describe how an effect depends on a smooth signal."""
 MIN_HALF_RANGE = 1e-6
 """Minimum half range of a signal over all runs. If the half range is smaller, the signal counts as constant, and no
 function of it is tried."""
 
 
 class Polynomial(NamedTuple):
-    """Polynomial of a signal, with the basis functions 1, z, z^2, ... of the scaled signal z.
+    """Polynomial of a signal, with the basis functions 1, z, z^2 and so on, where z is the scaled signal.
 
     The scaled signal is z = (value - centre) / half, so that it lies between -1 and 1.
     """
@@ -86,7 +86,7 @@ class Wave(NamedTuple):
 
 
 Basis = Polynomial | Hats | Wave
-"""Form of a function of a signal: a few basis functions, each of which is multiplied by an unknown number."""
+"""Form of a function of a signal: a few basis functions. Each is multiplied by an unknown number."""
 Signal = Callable[[Scene, int, Part], np.ndarray]
 """Function that returns a signal in each row of a run (rows,). Its arguments are the fitted model with its runs, the
 index of the run, and a part of an action."""
@@ -211,8 +211,8 @@ def _range(scene: Scene, act: Act, signal: Signal) -> tuple[float, float]:
 
 
 def _smooth(scene: Scene, act: Act, names: Sequence[str]) -> list[Argument]:
-    """Return polynomials of the named signals of `SMOOTH` as possible functions of an effect. Constant signals are left
-    out.
+    """Return polynomials of the named signals of `SMOOTH` as possible functions of an effect. Constant signals are
+    omitted.
     """
     smooth_arguments = []
     for name in names:
@@ -224,8 +224,7 @@ def _smooth(scene: Scene, act: Act, names: Sequence[str]) -> list[Argument]:
 
 
 def _angle(scene: Scene, run: int, part: Part) -> np.ndarray:
-    """Return the angle by which the wheel of an action's part has turned since the run began, in each row [rad]
-    (rows,).
+    """Return the rotation of the wheel of an action's part since the run began, in each row [rad] (rows,).
 
     The angle is the integral of the measured wheel rate, by the trapezoidal rule.
     """
@@ -239,8 +238,8 @@ ANGLES = (
     TURN._replace(name="wheel angle since the start", per_run=False),
     TURN._replace(name="twice the wheel angle", basis=Wave(math.pi)),
 )
-"""Periodic functions of one wheel's angle, in three forms: with a phase of its own in each run; with the same phase in
-all runs, for a wheel that starts every run at the same angle; and with two periods in a turn."""
+"""Periodic functions of one wheel's angle, in three forms: with a phase of its own in each run; with one phase in all
+runs, for a wheel that starts every run at one angle; and with two periods in a turn."""
 WAVES = tuple(Argument("periodic place", "m", _place, Wave(length)) for length in WAVELENGTHS)
 """Periodic functions of the place, one for each wavelength that is tried."""
 

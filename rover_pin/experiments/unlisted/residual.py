@@ -25,9 +25,9 @@ from rover_pin.simulation.logged_inputs import fill_gaps
 from rover_pin.simulation.model.effect_source import DraftedEffect
 
 MIN_NET_GAIN = 20.0
-"""Minimum net gain of the best description of a residual, from which the residual counts as more than noise. The net
-gain is the decrease of chi2 by the description, minus the decrease that chance gives. For models that lack nothing, it
-stays clearly below this value."""
+"""Minimum net gain of the best description of a residual that is more than noise. With a smaller gain, the residual
+counts as noise. The net gain is the decrease of chi2 by the description, minus the decrease that chance gives. For
+models that lack nothing, it stays clearly below this value."""
 WORST_BLOCKS = 4
 """Number of successive half-second blocks over which the residual is summed, to find where it is largest."""
 
@@ -114,13 +114,13 @@ class DriveResidual:
 
 
 def describe(fit: Fit, progress: Callable[[str], None] = lambda line: None) -> DriveResidual:
-    """Describe what a fitted drive model leaves unexplained: the residual of each channel, and terms that fit the
-    residual.
+    """Describe the unexplained part of the data of a fitted drive model: the residual of each channel, and terms that
+    fit the residual.
 
     A term is an action, such as a torque on one wheel, times a function of a signal. A few simulations with a small
     additional torque, force or grip show how one unit of each action changes every channel. Every term is fitted to the
-    residual. The terms are ranked by their decrease of chi2 minus the decrease that a term with as many unknown numbers
-    has by chance.
+    residual. The terms are ranked by their decrease of chi2 minus the decrease that a term with an equal number of
+    unknowns has by chance.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def channel_residuals(scene: Scene) -> tuple[DriveChannelResidual, ...]:
 
 
 def signals(scene: Scene) -> dict[str, np.ndarray]:
-    """Return the five signals with which the report correlates a residual: name -> half-second means (runs, blocks).
+    """Return the five signals that the report correlates with a residual: name -> half-second means (runs, blocks).
 
     Shorter runs are filled with NaN up to the length of the longest run.
     """
@@ -203,7 +203,7 @@ def signals(scene: Scene) -> dict[str, np.ndarray]:
 def draft_term(fit: Fit, residual: DriveResidual, name: str, progress: Progress) -> Draft | None:
     """Draft an effect that imitates the residual of a fit, fit it together with the model, and return it with its gain.
 
-    The result is None if the residual has no description from which an effect can be drafted.
+    The result is None if no description of the residual can become a drafted effect.
 
     Parameters
     ----------

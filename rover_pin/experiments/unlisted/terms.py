@@ -25,8 +25,8 @@ from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial
 from rover_pin.inference.residual_function import in_shares, rows_signal
 
 MIN_SD_SHARE = 0.01
-"""Minimum SD of a function's value, as a fraction of the largest SD, from which the value counts as determined by the
-data. No data depend on a value with a smaller SD; the pseudo-inverse gives it the SD 0."""
+"""Minimum SD of a function's value that the data determine, as a fraction of the largest SD. No data depend on a value
+with a smaller SD; the pseudo-inverse gives it the SD 0."""
 GRIP_VARIABILITY = 0.03
 """RMS change of the grip of newly prepared sand, from run to run and along the path (assumed) [-]. A smaller change of
 the grip needs no unlisted effect as its cause."""
@@ -61,7 +61,7 @@ class Curve(NamedTuple):
     """values of the function at these points, in the unit of the action: (points,), or (runs, points) if each run has
     its own function"""
     sd: np.ndarray
-    """SD of each entry of `value`, in the same shape"""
+    """SD of each entry of `value`, in equal shape"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,18 +75,18 @@ class Term:
     act: Act = field(repr=False)
     argument: Argument = field(repr=False)
     runs: tuple[str, ...]
-    "names of the runs to which the term was fitted"
+    "names of the runs that the term was fitted to"
     size: np.ndarray
-    """fitted numbers of the function (k,); if each run has its own numbers, those of all runs one after another (runs
-    k,)"""
+    """fitted numbers of the function (k,); if each run has its own numbers, the numbers of all runs one after another
+    (runs k,)"""
     covariance: np.ndarray = field(repr=False)
     "covariance of `size`"
     gain: float
     """decrease of the robust chi2 by this description of the residual"""
     detection_threshold: float
-    """decrease of chi2 that the best of all descriptions with as many unknown numbers has by chance"""
+    """decrease of chi2 that the best of all descriptions with an equal number of unknowns has by chance"""
     held_out: float | None
-    """decrease of chi2 in runs to which the numbers were not fitted; None if each run has its own numbers"""
+    """decrease of chi2 in runs that the numbers were not fitted to; None if each run has its own numbers"""
 
     @property
     def net(self) -> float:
@@ -108,8 +108,8 @@ class Term:
 
     @property
     def strength(self) -> float:
-        """Number by which terms are ranked: their decrease of chi2 beyond chance, or that in held-out runs if it is
-        smaller.
+        """Number for the ranking of terms: their decrease of chi2 beyond chance, or the decrease in held-out runs if it
+        is smaller.
         """
         return self.net if self.held_out is None else min(self.net, self.held_out)
 
@@ -192,7 +192,7 @@ def _describe_wave(term: Term, basis: Wave, curve: Curve) -> str:
 
 
 class Stretch(NamedTuple):
-    """An interval of place or time in which a piecewise linear function clearly differs from its median."""
+    """An interval of place or time with values of a piecewise linear function that clearly differ from its median."""
 
     low: float
     """lower end of the interval, in the unit of the place or time"""
@@ -205,8 +205,8 @@ class Stretch(NamedTuple):
 
 
 def clear_stretches(curve: Curve, row: int | None) -> list[Stretch]:
-    """Return the intervals in which a piecewise linear function clearly differs from its median, the clearest interval
-    first.
+    """Return the intervals of clear difference between a piecewise linear function and its median, the clearest
+    interval first.
 
     A report lists these intervals, because they show at which place or time an unlisted effect acts. The median is
     subtracted, because a constant part of the function can be explained by a motion resistance or a motor's gain.
@@ -236,7 +236,7 @@ def clear_stretches(curve: Curve, row: int | None) -> list[Stretch]:
 def _describe_stretches(term: Term, curve: Curve) -> str:
     """Return a text on a term whose function is piecewise linear in place or time.
 
-    The text lists the intervals in which the function clearly differs from its median.
+    The text lists the intervals of clear difference between the function and its median.
     """
     # Intervals of all runs compete for the few that are listed.
     letter, unit, signal = ("x", "m", "the place along x") if term.argument.unit == "m" else ("t", "s", "the moment")
@@ -255,7 +255,7 @@ def _describe_stretches(term: Term, curve: Curve) -> str:
 class Rows:
     """Residuals of a fit after whitening (rows), and their derivatives by the parameters that may still change.
 
-    Whitened residuals are independent with the SD 1. A parameter that lies at a bound is left out, because a term must
+    Whitened residuals are independent with the SD 1. A parameter that lies at a bound is omitted, because a term must
     not gain by moving it beyond the bound.
     """
 
@@ -316,7 +316,7 @@ def _solve_term(rows: Rows, columns: Columns, weights: np.ndarray, use: np.ndarr
     model.
 
     The fit is linear least squares. `weights` (rows,) are the robust weights, and the mask `use` (rows,) marks the rows
-    to which the term is fitted.
+    that the term is fitted to.
     """
     # Normal equations of the term (scaled to a unit diagonal) and of the fit's own parameters with their priors.
     w, prior = np.where(use, weights, 0.0), prior_curvature(rows.free)
@@ -349,7 +349,7 @@ def _residual_rows(rows: Rows, columns: Columns, solved: _TermFit) -> np.ndarray
 
 
 def held_out(rows: Rows, columns: Columns) -> float:
-    """Return by how much a term (an action times a function of a signal) decreases the robust chi2 in held-out runs,
+    """Return the decrease of the robust chi2 in held-out runs by a term (an action times a function of a signal),
     summed over the runs.
 
     Each run is predicted with numbers that are fitted to the other runs, so a term that only imitates noise has no gain
@@ -372,8 +372,8 @@ def functions(scene: Scene) -> Iterator[Columns]:
     columns.
 
     The columns are scaled so that all terms are equally large before the data are considered. The evidence for an
-    unlisted effect integrates over these terms. A grip that differs from run to run is left out, because the noise
-    model already contains the variability of newly prepared sand.
+    unlisted effect integrates over these terms. A grip that differs from run to run is omitted, because the noise model
+    already contains the variability of newly prepared sand.
     """
     rows, signal = rows_of(scene.fit), rows_signal(scene.fit)
     weights = huber_weights(rows.fit.rows)

@@ -27,7 +27,7 @@ def effect_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
     """Return the classes of contact effects that can be added to a model, that is, those that declare neutral values.
 
     An effect does nothing at its neutral values. An effect of the user's file or folder replaces the package's effect
-    of the same name.
+    of that name.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def rig_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
 
 
 def shown_by_rigs(kinds: Iterable[type[AnyEffect]]) -> list[type[Effect]]:
-    """Return those of the given classes of effects that can change the channels of a rig.
+    """Return the given classes of effects that can change the channels of a rig, without the others.
 
     These are contact effects that do not depend on a place and do not change the slip. The slip is measured by the rig,
     so effects that change it do not show.
@@ -59,8 +59,8 @@ def shown_by_rigs(kinds: Iterable[type[AnyEffect]]) -> list[type[Effect]]:
 
 
 def _contact_effects(kinds: Iterable[type[AnyEffect]]) -> list[type[Effect]]:
-    """Return those of the given classes that are contact effects with neutral values, at which the effect does
-    nothing.
+    """Return the given classes that are contact effects with neutral values, without the others. At its neutral values,
+    an effect does nothing.
     """
     return [kind for kind in kinds if issubclass(kind, Effect) and kind.neutral]
 
@@ -70,9 +70,9 @@ def candidates(
 ) -> tuple[Candidate, ...]:
     """Return the effects that the model lacks and that can change the channels of every data set, as candidates.
 
-    An effect that depends on the speed is left out if a data set states no speeds, because its response would depend on
-    the assumed speed. An effect of lugs is left out if rig.toml declares that the wheel has no lugs. Declared numbers
-    of lugs and sand are the initial values of the effects.
+    An effect that depends on the speed is dropped if a data set states no speeds, because its response would depend on
+    the assumed speed. An effect of lugs is dropped if rig.toml declares that the wheel has no lugs. Declared numbers of
+    lugs and sand are the initial values of the effects.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def default_effect(kind: type[Effect], model: RigModel) -> Effect:
 
 
 def needs_speeds(data: RigSet, model: RigModel, effect: Effect) -> bool:
-    """Return whether the change of the channels by an effect depends on the speed of the wheel, at the same slip."""
+    """Return whether the change of the channels by an effect depends on the speed of the wheel, at constant slip."""
     # The slip stays the same, because both speeds are multiplied by four.
     fast = 4 * NOMINAL * np.column_stack(rim_and_travel(data.slip)[::-1])
     slow_moved, fast_moved = (_effect_response(data, model, effect, speeds) for speeds in (None, fast))
@@ -130,7 +130,7 @@ def _effect_response(data: RigSet, model: RigModel, effect: Effect, speeds: np.n
 def present_amplitudes(effects: Sequence[Effect], known_parameters: Sequence[Parameter] = ()) -> tuple[Parameter, ...]:
     """Return the sizes (amplitudes) of the effects that a model has in addition to the base model, as free parameters.
 
-    A parameter that is one of the `known_parameters` is left out.
+    A parameter that is one of the `known_parameters` is omitted.
     """
     # Effects of the base model are part of every model, so their sizes are not free.
     present_candidates = [plain_candidate(effect) for effect in effects if effect not in ASKEW]

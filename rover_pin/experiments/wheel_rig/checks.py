@@ -92,7 +92,7 @@ def too_poor(experiment: RigExperiment, nuisances: int) -> str:
 
 
 def findings(experiment: RigExperiment) -> list[Finding]:
-    """Return what the data check found and a reader should know before reading results of a fit.
+    """Return the findings of the data check that a reader should know before reading results of a fit.
 
     Findings are gaps, scatter beyond the stated noise, and missing measurements. If there are several data sets, each
     finding names its data set.

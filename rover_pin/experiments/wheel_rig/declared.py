@@ -50,8 +50,8 @@ def own_name(name: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class SetNumbers:
-    """The uncertain parameters of the model of one data set: of the sand, of wheel and rig, and of the rig's
-    readings.
+    """The uncertain parameters of the model of one data set. They belong to the sand, to wheel and rig, and to the
+    rig's readings.
     """
 
     data: RigSet
@@ -90,7 +90,8 @@ class SetNumbers:
         SD.
 
         The pressing scale is the stiffness of the soil under a pressed wheel divided by its stiffness under a rolling
-        wheel. It is free if there are pressing trials, in which the wheel is pressed into the sand without rolling.
+        wheel. It is free if there are pressing trials. A pressing trial presses the wheel into the sand without
+        rolling.
         """
         rig = self.data
         if self.data.trials and PRESSING not in rig.error_sd:
@@ -133,7 +134,7 @@ LUGS = ("h_l", "h_s")
 """Names of the effect parameters that are the height of a lug. An effect with such a parameter does not act on a wheel
 without lugs."""
 TRENCH, FULL_BY = "LugExcavation.h_l", 0.3
-"""Name of the parameter for the height of digging lugs, and its relative prior SD (assumed). The SD stands for the
+"""Name of the parameter for the height of digging lugs, and its relative prior SD (assumed). The SD represents the
 filling of the pockets between lugs, which is not measured (`studies/wheel_laws.py` compares some)."""
 HELD = ("gamma",)
 """Names of the effect parameters that stay fixed at their declared number in a fit. Every other effect parameter starts
@@ -285,7 +286,7 @@ def _preset_text(preset: Preset, names: Sequence[str]) -> str:
 
 
 def _of(effect: Effect, declared_presets: Mapping[str, Preset]) -> list[Preset]:
-    """Return the presets that an effect can use, because the effect has a parameter of the same name and unit."""
+    """Return the presets that an effect can use, because the effect has a parameter of this name and unit."""
     specs = quantities(effect)
     return [
         preset for name, preset in declared_presets.items() if name in specs and specs[name].unit == PRESET_UNITS[name]

@@ -185,7 +185,7 @@ def _fit_polynomial(
     scaled : array (runs,)
         Residual in SDs of the stated noise.
     weight : array (runs,)
-        Factor by which the polynomial is multiplied in each run.
+        Factor on the polynomial in each run.
     varies : bool
         Whether the loads vary. Only then are powers of the load tried.
 
@@ -276,10 +276,10 @@ def draft_effect(data: RigSet, residuals: Sequence[RigChannelResidual]) -> Draft
     Parameters
     ----------
     data : RigSet
-        The runs from which the residuals come. The coefficients are made dimensionless by the mean load and the wheel
+        The runs that the residuals belong to. The coefficients are made dimensionless by the mean load and the wheel
         radius.
     residuals : sequence of RigChannelResidual
-        The residuals of the channels. Those for which `can_draft` is False are left out.
+        The residuals of the channels. Descriptions with `can_draft` False are omitted.
     """
     # Scales of the coefficients: load for forces, load times radius for torques, radius for the sinkage.
     mean_load, r = float(np.mean(data.load)), float(data.wheel.r)

@@ -1,8 +1,8 @@
 """Diagnose a fit to rig data: compare fitted constants with other measurements, test the residuals, and state cautions.
 
 `diagnose` returns the diagnostics of one model of one data set. A verdict is the result of the loop, the search for
-missing effects. `RigExtra` holds the results that only a verdict on one rig data set has, and `JointExtra` those of a
-verdict on several. `cautions` turns the diagnostics into sentences for the report.
+missing effects. `RigExtra` holds the results that only a verdict on one rig data set has, and `JointExtra` the results
+of a verdict on several. `cautions` turns the diagnostics into sentences for the report.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,10 +29,10 @@ PERMUTATIONS = 1999
 """Number of permutations of the residuals in a test. The smallest possible p-value is then 1 / 2000."""
 
 SLIP_SQUARED, ORDER, NEIGHBOURS, NEXT_RUN = "slip^2", "run order", "neighbour in slip", "next run"
-"""Names of the quantities with which residuals are correlated in addition to slip and load."""
+"""Names of the quantities that are correlated with residuals, in addition to slip and load."""
 MIN_AGREEING_FRACTION = 0.8
-"""Minimum fraction of the searches without one slip level that must choose the same effects as the verdict. If fewer
-do, a caution lists the other choices."""
+"""Minimum fraction of the searches without one slip level that must choose the effects of the verdict. If fewer do, a
+caution lists the other choices."""
 MIN_LEVELS = 6
 """Minimum number of slip levels for fine intervals of held-out errors. With fewer levels, a caution states that the
 intervals are coarse, because they come from a bootstrap over the levels."""
@@ -136,7 +136,7 @@ def _autocorrelation(order: np.ndarray) -> Statistic:
 
 
 class Flag(NamedTuple):
-    """Comparison of a fitted constant with an independent measurement of the same constant, in SI."""
+    """Comparison of a fitted constant with an independent measurement of this constant, in SI."""
 
     name: str
     unit: str
@@ -169,7 +169,7 @@ class Flag(NamedTuple):
 
 
 def flags(data: RigSet, soil: Soil, b: float, fitted: tuple[Number, ...]) -> tuple[Flag, ...]:
-    """Compare every fitted constant that was also measured in another way with this measurement, and return the
+    """Compare every fitted constant that was also measured independently with this measurement, and return the
     comparisons.
 
     A fitted constant agrees with the measurement if its 95 % interval overlaps the range of the measurement. This range

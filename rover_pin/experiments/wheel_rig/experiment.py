@@ -1,8 +1,8 @@
-"""Wheel-rig data sets with the same sand as one experiment to which models are fitted.
+"""Wheel-rig data sets with one sand as one experiment for the fit of models.
 
 A fold is a group of runs that are held out of a fit together: the runs of one slip level of one data set.
-`RigExperiment` serves one data set or several. `join_sets` makes an experiment of several data sets, in which a run
-that two data sets contain is used only once.
+`RigExperiment` serves one data set or several. `join_sets` makes an experiment of several data sets. It uses a run that
+two data sets contain only once.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -34,25 +34,24 @@ from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.measurements.rig_set import SAME_LOAD, RigSet
 
 OTHER_WIDTH = 1.05
-"""Minimum ratio of the widest to the narrowest wheel from which k_1 and k_2 can be distinguished, so that k_2 is free.
-Widths are stated to about 1 %."""
+"""Minimum ratio of the widest to the narrowest wheel. From this ratio on, k_1 and k_2 can be distinguished, so that k_2
+is free. Widths are stated to about 1 %."""
 SAME_RUN = 0.02
-"""Maximum difference between the channels of two runs, as a fraction of their SDs, up to which the runs of two data
-sets count as the same run."""
+"""Maximum difference between the channels of two runs, as a fraction of their SDs. Up to it, the runs of two data sets
+count as one run."""
 INPUT_SCALE = 0.05
 """Number that takes the place of the SD of slip, of slip angle [rad] and of the logarithm of the load when runs of two
-data sets are compared. Two runs can be the same run if these inputs differ by less than 0.001."""
+data sets are compared. Two runs can be one run if these inputs differ by less than 0.001."""
 
 
 @brief
 @dataclass(frozen=True, eq=False)
 class RigExperiment(Differentiable):
-    """Runs of one wheel-rig data set, or of several data sets with the same sand, as an experiment to which models are
-    fitted.
+    """Runs of one wheel-rig data set, or of several data sets with one sand, as an experiment for the fit of models.
 
     The folds (groups of runs that are held out together) are the slip levels and the pressing trials of every data set.
-    The channels are those of all data sets. The model of one data set is a `RigModel`. The model of several data sets
-    is a `JointModel`, in which the names of wheels and reading errors begin with the name of their data set.
+    The channels are the channels of all data sets. The model of one data set is a `RigModel`. The model of several data
+    sets is a `JointModel`: the names of its wheels and reading errors begin with the name of their data set.
 
     Parameters
     ----------
@@ -110,9 +109,7 @@ class RigExperiment(Differentiable):
 
     @property
     def campaigns(self) -> np.ndarray:
-        """Index of the data set to which each fold belongs (folds,). A fold is a group of runs that are held out
-        together.
-        """
+        """Index of each fold's data set (folds,). A fold is a group of runs that are held out together."""
         return np.array([number for number, runs in enumerate(self.runs.values()) for _ in runs.folds])
 
     def of_set(self, name: str) -> np.ndarray:
@@ -151,7 +148,7 @@ class RigExperiment(Differentiable):
     def varied(self) -> np.ndarray:
         """Inputs of each sample (folds, samples, inputs) on which a smooth deviation between model and data may depend.
 
-        The speed is left out if a data set states no speeds.
+        The speed is omitted if a data set states no speeds.
         """
         # If one data set lacks the speed, the last input is left out of all.
         tables = [np.moveaxis(runs.varied, 2, 1) for runs in self.runs.values()]
@@ -217,7 +214,8 @@ class RigExperiment(Differentiable):
         return {data.name: SetNumbers(data, model.of(data.name)) for data in self.sets}
 
     def uncertain(self, model: RigModel | JointModel) -> tuple[Parameter, ...]:
-        """Return the uncertain parameters of a model: those of the shared sand, of the lugs, and of each wheel and rig.
+        """Return the uncertain parameters of a model. They belong to the shared sand, to the lugs, and to each wheel
+        and rig.
 
         If the model includes the trench of digging lugs, the declared lug height has a relative prior SD of 0.3,
         because the pockets between lugs may be partly empty or heaped.
@@ -324,14 +322,14 @@ def _scale_parameter(parameter: Parameter, share: float) -> Parameter:
 
 
 def join_sets(sets: Sequence[RigSet]) -> RigExperiment:
-    """Join several data sets to one experiment, in which a run that two data sets contain is used only once.
+    """Join several data sets to one experiment. A run that two data sets contain is used only once.
 
     Raises
     ------
     ParameterError
         There are fewer than two data sets.
     DataError
-        Two data sets have the same name, all runs of a data set are in another one, or two data sets declare different
+        Two data sets have equal names, all runs of a data set are in another one, or two data sets declare different
         values of one constant of the sand.
     """
     if len(sets) < 2:
@@ -380,7 +378,7 @@ def read_joint(folders: Sequence[str | Path], trust: Trust = Trust()) -> RigExpe
 def seen_before(data: RigSet, others: Iterable[RigSet]) -> np.ndarray:
     """Return a mask (runs,) of the runs of `data` that one of the data sets `others` contains too.
 
-    Two runs count as the same run if slip, slip angle, load and the values of all channels that both have are equal.
+    Two runs count as one run if slip, slip angle, load and the values of all channels that both have are equal.
     """
     # Two missing values (NaN) count as equal.
     duplicate = np.zeros(data.slip.size, dtype=bool)
@@ -392,7 +390,7 @@ def seen_before(data: RigSet, others: Iterable[RigSet]) -> np.ndarray:
 
 
 def _fingerprint(data: RigSet, other_set: RigSet) -> np.ndarray:
-    """Return the numbers by which the runs of one data set are compared with those of another one (runs, numbers).
+    """Return the numbers for the comparison of the runs of one data set with the runs of another one (runs, numbers).
 
     The numbers are slip, slip angle, logarithm of the load, and the channels that both data sets have. Each is divided
     by its SD, or by INPUT_SCALE if it is an input.

@@ -1,6 +1,4 @@
-"""Model of several wheels in the same sand: soil and effects are shared; wheel and reading errors belong to one data
-set.
-"""
+"""Model of several wheels in one sand: soil and effects are shared; wheel and reading errors belong to one data set."""
 
 from __future__ import annotations
 
@@ -41,7 +39,7 @@ class SetRecords:
 
 @dataclass(frozen=True)
 class JointModel:
-    """Model of several wheels in the same sand, with one soil and the same effects for all data sets.
+    """Model of several wheels in one sand, with one soil and common effects for all data sets.
 
     Each wheel has the name of its data set. An effect of lugs acts under every wheel except a wheel that is declared to
     have no lugs. The lug height in the effect is the height of the highest lugs. For another wheel, it is reduced in
@@ -119,17 +117,17 @@ SAND_NUMBERS = (*quantities(Soil), *BEKKER_UNITS, *(name for name, of in BESIDE.
 
 
 def of_one_sand(rigs: Sequence[RigSet]) -> RigSet:
-    """Return one of the data sets, completed by what all data sets declare about the sand that they share.
+    """Return one of the data sets, completed by the declarations of all data sets about the sand that they share.
 
     The returned data set is the first one with pressing trials, or otherwise the one with most declarations. This
     choice matters because k_c and k_phi are converted to k_1 and k_2 at the width of its wheel. If several data sets
-    state a range or an SD of the same constant, that of the returned data set is used, and otherwise the first one.
+    state a range or an SD of one constant, the statement of the returned data set is used, and otherwise the first one.
 
     Raises
     ------
     DataError
-        Two data sets declare different values of the same constant. Or a density is declared and the data sets were
-        tested under different gravity, although the model has only one weight of the sand.
+        Two data sets declare different values of one constant. Or a density is declared and the data sets were tested
+        under different gravity, although the model has only one weight of the sand.
     """
     # Gravity acts only on the weight of the sand, so different gravities matter only if a density is declared.
     weighed = [rig for rig in rigs if "bulk_density" in _first([rig.beside for rig in rigs])]
@@ -166,7 +164,5 @@ def _of_sand(values: Mapping[str, T]) -> dict[str, T]:
 
 
 def _first(tables: Sequence[Mapping[str, T]]) -> dict[str, T]:
-    """Return several tables merged into one. If several tables have the same key, the value of the first one is
-    taken.
-    """
+    """Return several tables merged into one. If several tables have a key, the value of the first one is taken."""
     return {name: value for table in reversed(tables) for name, value in table.items()}

@@ -1,7 +1,7 @@
 """Wheel-rig data in the form that the loop (the search for missing effects) needs: one data set, or several with one
 sand.
 
-`RigData` holds the runs, the model from which the loop starts, and the functions that the loop calls.
+`RigData` holds the runs, the starting model of the loop, and the functions that the loop calls.
 """
 
 import dataclasses
@@ -56,10 +56,10 @@ log = logging.getLogger(__name__)
 
 
 def start_on_rig(data: RigSet, file: str | Path, trust: Trust = Trust()) -> RigModel:
-    """Read a model file and return the model from which the loop on a rig data set starts.
+    """Read a model file and return it as the starting model of the loop on a rig data set.
 
     The file may hold the model of a wheel on a rig or of a rover. From a rover's model, soil, traction law and contact
-    effects are used with the wheel of the rig. Effects that cannot act on a rig are left out with a warning.
+    effects are used with the wheel of the rig. Effects that cannot act on a rig are removed with a warning.
 
     Raises
     ------
@@ -84,8 +84,7 @@ def start_on_rig(data: RigSet, file: str | Path, trust: Trust = Trust()) -> RigM
 
 @dataclass(frozen=True, eq=False)
 class RigData(LoopData):
-    """The runs of one or several rig data sets, with the model from which the loop (the search for missing effects)
-    starts.
+    """The runs of one or several rig data sets, with the starting model of the loop (the search for missing effects).
 
     If `model` is None, the loop starts from the model that the data sets declare. The model of one data set is a
     `RigModel`, and the model of several data sets is a `JointModel`.
@@ -97,7 +96,7 @@ class RigData(LoopData):
 
     @classmethod
     def starting_from(cls, data: RigSet, start: Any, trust: Trust = Trust()) -> "RigData":
-        """Return one data set together with the model from which the loop starts.
+        """Return one data set together with the starting model of the loop.
 
         Parameters
         ----------
@@ -130,13 +129,11 @@ class RigData(LoopData):
         return self.experiment.name
 
     def base_model(self) -> RigModel | JointModel:
-        """Return the model from which the loop starts: the given model, or otherwise the model that the data sets
-        declare.
-        """
+        """Return the starting model of the loop: the given model, or otherwise the model that the data sets declare."""
         return self.model if self.model is not None else self.experiment.base_model()
 
     def question(self, kinds: Sequence[type], progress: Progress = quiet) -> Question:
-        """Return what the loop has to decide on these data: which effects of the given classes the base model lacks.
+        """Return the question of the loop on these data: which effects of the given classes does the base model lack?
 
         The result holds the data, the base model, its free parameters, and functions that return the candidate effects
         and the possible next runs. The uncertain constants of sand, wheel and rig are free parameters.
@@ -170,8 +167,8 @@ class RigData(LoopData):
         return too_poor(self.experiment, len(numbers_of(self.experiment, self.base_model())))
 
     def findings(self) -> tuple[Finding, ...]:
-        """Check the data, and return what the check found, such as gaps or repeated runs that scatter more than the
-        stated noise.
+        """Check the data, and return the findings, such as gaps or repeated runs that scatter more than the stated
+        noise.
         """
         return tuple(findings(self.experiment))
 
@@ -214,7 +211,8 @@ class RigData(LoopData):
     def _extra_of_joint_fit(self, verdict: Verdict, declared: tuple[str, ...]) -> Verdict:
         """Return the verdict on several data sets extended by the held-out errors of each data set.
 
-        The errors are those of the joint model and of a simple curve through the points of the data set alone.
+        The table compares the errors of the joint model with the errors of a simple curve through the points of the
+        data set alone.
         """
         errors, rig = set_errors(self.experiment, verdict), self.experiment.declared
         fitted = verdict.after.numbers if verdict.after else ()

@@ -92,7 +92,7 @@ class RigModel:
     Raises
     ------
     ParameterError
-        Two effects have the same class.
+        Two effects have one class.
 
     Examples
     --------
@@ -261,7 +261,7 @@ class RigPrediction(NamedTuple):
 class RigPredictor:
     """Compiled function that predicts the channels of fixed runs from the values of all parameters of a model.
 
-    `predictor` makes such a function. Compilation takes long, so the same `RigPredictor` is used for many evaluations.
+    `predictor` makes such a function. Compilation takes long, so one `RigPredictor` is used for many evaluations.
     """
 
     def __init__(self, law: Law, runs: np.ndarray, repeats: np.ndarray, free: int):
@@ -311,7 +311,7 @@ def predictor(model: RigModel, free: Sequence[str], runs: np.ndarray) -> RigPred
     model : RigModel
         Model whose effects and options are compiled. The values of its parameters do not matter.
     free : sequence of str
-        Names of the parameters by which the channels are differentiated.
+        Names of the parameters for the derivatives of the channels.
     runs : array (runs, 5)
         Inputs of the runs, as `conditions` returns them.
     """

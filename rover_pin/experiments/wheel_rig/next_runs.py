@@ -34,8 +34,8 @@ def runs_ahead(data: RigSet) -> RigSet:
     """Return a data set of runs that could be measured next: all combinations of SLIPS, LOADS and the slip angles of
     `data`.
 
-    The measured values in it are 0. Runs that were already measured are left out. If all runs were already measured,
-    all are returned, although repeating a run only reduces the noise.
+    The measured values in it are 0. Runs that were already measured are not proposed. If all runs were already
+    measured, all are returned, although repeating a run only reduces the noise.
     """
     # The lower median is one of the measured loads.
     usual = float(np.quantile(data.load, 0.5, method="lower"))

@@ -1,8 +1,8 @@
 """Runs of one wheel-rig data set as arrays, with the predictions of a model and their exact derivatives by the
 parameters.
 
-A fold is a group of runs that are held out together. It is either a slip level or a pressing trial, in which the wheel
-is pressed into the sand without rolling.
+A fold is a group of runs that are held out together. It is either a slip level or a pressing trial, which presses the
+wheel into the sand without rolling.
 """
 
 from collections.abc import Sequence
@@ -36,10 +36,10 @@ surface is not perfectly level (both assumed)."""
 class RigRuns:
     """Runs of one wheel-rig data set as arrays (folds, channels, samples), with the stated noise of each value.
 
-    A fold is a group of runs that are held out together: the runs of one slip level, or one pressing trial, in which
-    the wheel is pressed into the sand without rolling. The slip levels come first, then the trials. The samples of a
-    slip level are its runs, and the samples of a trial are its depths. Pressing trials have a channel of their own.
-    Folds with fewer samples than the longest one are filled up with NaN.
+    A fold is a group of runs that are held out together: the runs of one slip level, or one pressing trial, which
+    presses the wheel into the sand without rolling. The slip levels come first, then the trials. The samples of a slip
+    level are its runs, and the samples of a trial are its depths. Pressing trials have a channel of their own. Folds
+    with fewer samples than the longest one are filled up with NaN.
     """
 
     data: RigSet
@@ -88,14 +88,14 @@ class RigRuns:
     def rows(self, table: np.ndarray) -> np.ndarray:
         """Return the values of a table (folds, channels, samples) as rows (channels, runs), in the order of the runs.
 
-        Pressing trials are left out.
+        Pressing trials are omitted.
         """
         return np.asarray(table[self.data.level, : len(self.data.channels), self._place]).T
 
     def in_sds(self, residual: np.ndarray) -> np.ndarray:
         """Return a residual divided by the stated SDs, as rows (channels, runs) in the order of the runs.
 
-        `residual` has the shape (folds, channels, samples). Pressing trials are left out.
+        `residual` has the shape (folds, channels, samples). Pressing trials are omitted.
         """
         return self.rows(residual) / np.array([channel.sd for channel in self.data.channels])
 
@@ -119,7 +119,7 @@ class RigRuns:
 
     @property
     def inputs(self) -> np.ndarray:
-        """Inputs of the simple curves with which the model is compared (levels, runs of a level, inputs).
+        """Inputs of the simple curves for the comparison with the model (levels, runs of a level, inputs).
 
         The inputs are the slip, and also the slip angle and the load if they vary.
         """
@@ -133,7 +133,7 @@ class RigRuns:
         """Inputs of each sample (folds, samples, inputs) on which a smooth deviation between model and data may depend.
 
         The inputs are the slip, the slip angle, and the logarithms of the load and of the faster of travel and rim
-        speed. The speed is left out if the data set states no speeds.
+        speed. The speed is omitted if the data set states no speeds.
         """
         rig = self.data
         # Loads and speeds act by their ratios, so their logarithms are used.
@@ -168,7 +168,7 @@ class RigRuns:
         model : RigModel
             The model. It gives the values of all parameters that are not in `parameters`.
         parameters : sequence of Parameter
-            The parameters by which the channels are differentiated.
+            The parameters for the derivatives of the channels.
         u : array (parameters,)
             Values of the parameters in fit coordinates, that is, in units of the prior SD.
         """
@@ -197,11 +197,11 @@ class RigRuns:
         return uncarried_runs(values, self.data.load, self.data.slip)
 
     def turns(self) -> np.ndarray | None:
-        """Return the position of each run in the order of measurement (folds, samples), from which a drift can be
+        """Return the position of each run in the order of measurement (folds, samples), so that a drift can be
         identified.
 
         The order of measurement is the order of the rows in points.csv. Pressing trials have the position 0. If most
-        runs follow a run of the same slip level, the result is None, because a drift then cannot be distinguished from
+        runs follow a run of their own slip level, the result is None, because a drift then cannot be distinguished from
         an offset of a level.
         """
         # If runs of one level follow each other, time and level change together.
@@ -230,8 +230,8 @@ def log_force_sds(trials: Sequence[Trial]) -> np.ndarray:
 def places(trials: Sequence[Trial], inputs: np.ndarray) -> np.ndarray:
     """Return the inputs of pressing trials on which a smooth deviation between model and data may depend.
 
-    The result has the shape (trials, inputs, samples). A pressed wheel has no slip. In its place stands the depth,
-    scaled to the range of the slips. All other inputs are at their minimum.
+    The result has the shape (trials, inputs, samples). A pressed wheel has no slip. The depth, scaled to the range of
+    the slips, takes its place. All other inputs are at their minimum.
 
     Parameters
     ----------

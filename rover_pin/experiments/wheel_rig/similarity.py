@@ -1,4 +1,4 @@
-"""Find dimensionless groups of which the channels of a rig data set are functions, tested on held-out slip levels.
+"""Find dimensionless groups that determine the channels of a rig data set, tested on held-out slip levels.
 
 A channel collapses on some groups if it is a function of these groups alone.
 """

@@ -27,7 +27,7 @@ MIN_SPEED = 1e-9
 """Minimum value of the speed in the denominator of the sideways slip [m/s]. It avoids a division by zero."""
 
 MAX_STEP = 1.5
-"""Maximum Newton step in ln y. A longer step can leave the range in which the balance is nearly linear in ln y."""
+"""Maximum Newton step in ln y. A longer step can leave the range where the balance is nearly linear in ln y."""
 
 CONDITIONS = 5
 """Number of inputs of a steady run: load [N], slip [-], speed along the heading, rim speed, speed along the axle
@@ -87,14 +87,14 @@ class Law(NamedTuple):
 
 @lru_cache(maxsize=MAX_CACHED_LAWS)
 def steady_law(effects: tuple[Effect, ...], free: tuple[str, ...], runs: int) -> Law:
-    """Return the compiled functions for several steady runs of a wheel. All runs have the same parameters.
+    """Return the compiled functions for several steady runs of a wheel. All runs have common parameters.
 
     Parameters
     ----------
     effects : tuple of Effect
         The effects with default numbers (`RigModel.structure`).
     free : tuple of str
-        Names of the parameters by which the readings are differentiated.
+        Names of the parameters for the derivatives of the readings.
     runs : int
         Number of runs with different inputs.
     """
@@ -200,8 +200,8 @@ def pressed_law(effects: tuple[Effect, ...], free: tuple[str, ...], points: int)
     """Return the compiled function from sinkages to the logarithm of the force that presses a wheel into the soil.
 
     The function (sinkages, parameters) also gives the derivatives of ln f_n by the parameters `free`, where f_n is the
-    force. The wheel neither turns nor slides (see `pressing_force`), and the effects change the contact as they do at
-    rest. The result has one column for each of the `points` sinkages.
+    force. The wheel neither turns nor slides (see `pressing_force`), and the effects change the contact as at rest. The
+    result has one column for each of the `points` sinkages.
     """
     names = parameter_names(effects)
     # A pressed wheel has neither slip nor speed, and its effects have not built up any states.

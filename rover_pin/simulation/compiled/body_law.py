@@ -1,4 +1,4 @@
-"""The body effects of a model as one CasADi function: the generalised force with which they push the base and the
+"""The body effects of a model as one CasADi function: the generalised force of these effects on the base and the
 suspension, and its derivatives by the speeds.
 """
 
@@ -15,7 +15,7 @@ from rover_pin.simulation.state import Joints
 
 
 class _Symbols(NamedTuple):
-    """CasADi symbols of the inputs of the body law, in the order in which the function takes them."""
+    """CasADi symbols of the inputs of the body law, in the order of the function's arguments."""
 
     position: Any
     quaternion: Any
@@ -25,7 +25,7 @@ class _Symbols(NamedTuple):
     rates: Any
     half_step: Any
     known_rates: Any
-    """rates of the joints for formulas whose derivatives by these rates must be left out"""
+    """rates of the joints for formulas whose derivatives by these rates must not be taken"""
 
 
 def body_law(effects: Sequence[BodyEffect], joints: Joints) -> ca.Function:
@@ -39,9 +39,9 @@ def body_law(effects: Sequence[BodyEffect], joints: Joints) -> ca.Function:
 
         Q = F + dt/2 dF/dq q',   D = dF/du + dt/2 dF/dq dq'/du (column-major),   T,   dT/du,
 
-    where T is the torque of the differential, extrapolated to the end of the step in the same way. If the speeds change
-    by du in the step, Q + D du is the force at the end of the step to first order. dF/dq contains the derivatives by
-    the position of the base and by the joint angles, but not those by the attitude.
+    where T is the torque of the differential, also extrapolated to the end of the step. If the speeds change by du in
+    the step, Q + D du is the force at the end of the step to first order. dF/dq contains the derivatives by the
+    position of the base and by the joint angles, but not those by the attitude.
 
     Parameters
     ----------

@@ -25,14 +25,14 @@ NEXUS6_STRENGTH = 5.8 * 0.045
 """Mass times wheel radius [kg m] of Nexus 6. SERVO_GAIN and STOP_GAIN hold for this value; `joint_strength` scales them
 in proportion for other rovers."""
 SERVO_GAIN = (20.0, 0.2)
-"""Stiffness [N m/rad] and damping [N m s/rad] with which a steering servo of Nexus 6 holds its angle (assumed: the side
+"""Stiffness [N m/rad] and damping [N m s/rad] of a steering servo of Nexus 6 that holds its angle (assumed: the side
 forces of the wheels hardly turn it)."""
 STOP_GAIN = (50.0, 1.0)
 """Stiffness [N m/rad] and damping [N m s/rad] of an end stop of the suspension of Nexus 6 (assumed). An end stop is a
 spring that acts beyond the limit of a joint."""
 WHEEL_LENGTH = 2.1
-"""Length along x of the ground that a step examines under a wheel, divided by the wheel radius. It decides how much
-memory is reserved, and covers the distance REACH of terrain.c forwards and backwards."""
+"""Length along x of the ground that a step examines under a wheel, divided by the wheel radius. It decides the amount
+of reserved memory, and covers the distance REACH of terrain.c forwards and backwards."""
 GRID_FACETS = 8
 """Largest number of plane facets that the surface of a height grid can have under one wheel; it equals N_CUT of
 terrain.c."""
@@ -40,13 +40,13 @@ terrain.c."""
 
 @dataclass(frozen=True, eq=False)
 class RoverFields:
-    """The fields of the C struct Drive that describe a rover. Each drive copies the struct; all drives share the arrays
-    to which it points, which are therefore read-only.
+    """The fields of the C struct Drive that describe a rover. Each drive copies the struct. All drives share the arrays
+    behind its pointers, so these arrays are read-only.
     """
 
     struct: DriveStruct
     keep: dict[str, Any]
-    """name of a field -> array to which the struct points; stored here so that Python does not free the array"""
+    """name of a field -> array behind the pointer in this field; stored here so that Python does not free the array"""
     pin_model: pin.Model
     "the rover's Pinocchio model, with the inertia of the motors' rotors added at the wheels"
     body: CompiledBody
@@ -54,7 +54,7 @@ class RoverFields:
 
 @lru_cache(maxsize=64)
 def rover_fields(rover: Rover, armature: float, strength: float, rigid_differential: bool, pushed: bool) -> RoverFields:
-    """Return the fields of the C struct Drive that describe a rover. The result is stored for later drives of the same
+    """Return the fields of the C struct Drive that describe a rover. The result is stored for later drives of this
     rover.
 
     Parameters
@@ -62,7 +62,7 @@ def rover_fields(rover: Rover, armature: float, strength: float, rigid_different
     rover : Rover
         The rover under the model's gravity, with the loads that effects add (`Model.built`).
     armature : float
-        Inertia of a motor's rotor as it acts at the wheel [kg m^2].
+        Inertia of a motor's rotor, referred to the wheel [kg m^2].
     strength : float
         Factor on the gains of servos and end stops (`joint_strength`).
     rigid_differential : bool
@@ -153,7 +153,7 @@ def _joints(rover: Rover, model: pin.Model) -> dict[str, Any]:
 
 def _equations(rover: Rover, keyed_model: KeyedModel, rigid_differential: bool, pushed: bool) -> dict[str, Any]:
     """Return the fields of the struct Drive that describe the equations of motion: the couplings of joints, and the
-    order in which the speeds are eliminated.
+    order of the elimination of speeds.
     """
     # A rigid differential is a coupling with the ratio -1.
     differential = rover.differential if rigid_differential else None
@@ -207,9 +207,7 @@ def _springs(rover: Rover, strength: float, pushed: bool) -> dict[str, Any]:
 
 
 def model_with_armature(rover: Rover, armature: float) -> pin.Model:
-    """Return a copy of a rover's Pinocchio model in which a motor's rotor with the inertia `armature` [kg m^2] is added
-    at each wheel.
-    """
+    """Return a copy of a rover's Pinocchio model with a motor's rotor of the inertia `armature` [kg m^2] at each wheel."""
     copy = rover.model.copy()
     on_joints = np.array(copy.armature)
     for wheel in rover.wheels:
@@ -219,9 +217,9 @@ def model_with_armature(rover: Rover, armature: float) -> pin.Model:
 
 
 def joint_strength(rover: Rover) -> float:
-    """Return the factor by which the gains of servos and end stops are scaled from Nexus 6 to this rover.
+    """Return the factor that scales the gains of servos and end stops from Nexus 6 to this rover.
 
-    The factor is the rover's mass times its wheel radius, divided by the same product of Nexus 6. It is rounded to six
+    The factor is the rover's mass times its wheel radius, divided by this product of Nexus 6. It is rounded to six
     digits, so that the round-off of a sum of masses does not change a drive.
     """
     return float(f"{rover.mass * float(rover.radii.max()) / NEXUS6_STRENGTH:.6g}")
@@ -235,8 +233,7 @@ def terrain_fields(terrain: Terrain, radius: float) -> dict[str, Any]:
     terrain : Lanes or HeightGrid
         The ground.
     radius : float
-        Radius of the largest wheel [m]. The number of facets and contact patches for which memory is reserved follows
-        from it.
+        Radius of the largest wheel [m]. The amount of memory for facets and contact patches follows from it.
     """
     if isinstance(terrain, Lanes):
         lines = [line_of(profile) for profile in terrain.profiles]
@@ -278,7 +275,7 @@ def terrain_fields(terrain: Terrain, radius: float) -> dict[str, Any]:
 
 class Line(NamedTuple):
     """A profile of the terrain (height over x) as a polyline of N points. The x axis is divided into bins of equal
-    length, with which the C code finds the piece of the polyline at a position fast.
+    length, so that the C code finds the piece of the polyline at a position fast.
     """
 
     x: np.ndarray
@@ -297,8 +294,8 @@ class Line(NamedTuple):
     """number of bins per metre along x [1/m]"""
 
     def crowd(self, length: float) -> int:
-        """Return the largest number of points in an interval of the given `length` [m] along x. It decides for how many
-        facets under a wheel memory is reserved.
+        """Return the largest number of points in an interval of the given `length` [m] along x. It decides the number
+        of facets under a wheel that memory is reserved for.
         """
         return int(np.max(np.searchsorted(self.x, self.x + length, side="right") - np.arange(len(self.x))))
 

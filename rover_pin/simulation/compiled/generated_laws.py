@@ -1,4 +1,4 @@
-"""The contact, motor and body laws of a model as generated and compiled C code. All models with effects of the same
+"""The contact, motor and body laws of a model as generated and compiled C code. All models whose effects have equal
 classes share one compiled library, whatever the numbers of these effects.
 """
 
@@ -17,8 +17,8 @@ from rover_pin.simulation.native import lanes
 from rover_pin.simulation.state import Joints, joints_of
 
 LANE_COUNT_SOURCE = "int law_lanes(void) { return LANES; }\n"
-"""C source of a function with which the step checks that the laws were compiled for the same number of SIMD lanes as
-the step itself."""
+"""C source of a function that returns the number of SIMD lanes of the laws. The step checks that this number equals its
+own."""
 
 
 @dataclass(frozen=True)

@@ -21,26 +21,27 @@ from rover_pin.simulation.native.shared import ENERGY, RECORD, DriveStruct, fill
 from rover_pin.simulation.state import DriveState
 
 DIRECTION_SPEED = 0.005
-"""Mean of rim speed and travel speed [m/s] below which the contact laws of forward and of backward travel are blended.
-Without the blend, the forces would jump where a wheel changes its direction."""
+"""Minimum mean of rim speed and travel speed [m/s] for a single direction of travel. Below it, the contact laws of
+forward and of backward travel are blended. Without the blend, the forces would jump where a wheel changes its
+direction."""
 HOLDING_INERTIA = 1e6
-"""Inertia with which a wheel is held to a measured rate, divided by the rover's m r^2 (mass times squared wheel
-radius). The wheel then follows the rate to about 1e-7 rad/s. The wheels are eliminated first, so that the large number
-does not spoil the condition of the other equations."""
+"""Inertia of a wheel that is held to a measured rate, divided by the rover's m r^2 (mass times squared wheel radius).
+The wheel then follows the rate to about 1e-7 rad/s. The wheels are eliminated first, so that the large number does not
+spoil the condition of the other equations."""
 
 
 class StepArrays:
     """The arrays that a step of a drive reads and writes: the state, the commands, and the forces on the wheels.
 
-    The compiled step (`Kernel`) and the step in NumPy (`PlainStepper`) derive from this class, so that both have the
-    same arrays, and a step of either can be undone in the same way. `native/shared.py` documents the arrays.
+    The compiled step (`Kernel`) and the step in NumPy (`PlainStepper`) derive from this class, so that both have equal
+    arrays, and a step of either can be undone by common code. `native/shared.py` documents the arrays.
 
     Parameters
     ----------
     model : Model
         The model to drive.
     state : DriveState
-        State from which the steps begin; each step changes it in place.
+        Initial state of the steps; each step changes it in place.
     """
 
     def __init__(self, model: Model, state: DriveState):
@@ -85,8 +86,8 @@ class Kernel(StepArrays):
     symmetric : bool
         Keep the motion mirror-symmetric about the x-z plane.
     direction_speed : float
-        Mean of rim speed and travel speed [m/s] below which the contact laws of both directions of travel are
-        blended.
+        Minimum mean of rim speed and travel speed [m/s] for a single direction of travel; below it, the contact laws of
+        both directions are blended.
     """
 
     def __init__(
@@ -99,7 +100,7 @@ class Kernel(StepArrays):
         self.fixed = rover_fields(rover, armature, strength, model.rigid_differential, bool(model.body_effects))
         self.pin_model = self.fixed.pin_model
         self.keep: dict[str, Any] = {}
-        """arrays and libraries to which the struct points; stored here so that Python does not free them"""
+        """arrays and libraries behind the pointers of the struct; stored here so that Python does not free them"""
         self.struct = DriveStruct.from_buffer_copy(self.fixed.struct)
         self._set(dt=dt, direction_speed=direction_speed, symmetric=int(symmetric), accounts=1)
 
@@ -192,7 +193,7 @@ class Kernel(StepArrays):
 
     @property
     def growth(self) -> float:
-        """Largest factor by which a speed grew in the last step because forces push it away from zero; 0 if no factor
+        """Largest growth factor of a speed in the last step, if forces push the speed away from zero; 0 if no factor
         exceeds `pace.GROWS`. A large factor shows that the step is too long.
         """
         return self.struct.growth
@@ -223,7 +224,7 @@ class Kernel(StepArrays):
 
     def _set(self, **values: Any) -> None:
         """Set fields of the C struct Drive by name. Arrays are also stored in `keep`, so that Python does not free the
-        memory to which the struct points.
+        memory behind the pointers of the struct.
         """
         fill(self.struct, self.keep, values)
 

@@ -20,7 +20,8 @@ GEOMETRY = ("h", "v_x", "v_y", "v_n", "rim", "x", "axle")
 the left and into the ground [m/s]; speed of the rim [m/s]; x of the wheel's centre [m]; number of its axle. They are
 the first entries of the contact vector; the constants of wheel and soil follow them."""
 SPEEDS = slice(1, 5)
-"""Indices in the contact vector of the four speeds by which the load is differentiated: v_x, v_y, v_n and rim."""
+"""Indices in the contact vector of the four speeds v_x, v_y, v_n and rim. The load is differentiated by these
+speeds."""
 LOAD_ENTRIES = 4
 """Number of entries of a `Load` that a drive uses: f_t, f_y, f_n, torque. The fifth entry, the moment about the normal
 of the patch, is for a test rig only."""
@@ -33,8 +34,8 @@ States = Sequence[tuple[Scalar, ...]]
 
 
 def symbolic(records: Sequence[Record]) -> tuple[list[Record], ca.SX]:
-    """Return copies of records (effects, soils, wheels) in which a CasADi symbol takes the place of every quantity, and
-    one column of all these symbols. Formulas of the records then become expressions of the symbols.
+    """Return copies of records (effects, soils, wheels) with a CasADi symbol in the place of every quantity, and one
+    column of all these symbols. Formulas of the records then become expressions of the symbols.
     """
     copies, symbols = [], []
     for i, record in enumerate(records):
@@ -45,8 +46,8 @@ def symbolic(records: Sequence[Record]) -> tuple[list[Record], ca.SX]:
 
 
 def numbers(records: Sequence[Record]) -> np.ndarray:
-    """Return the values of all quantities of several records in one array. Their order is that of the symbols that
-    `symbolic` returns for the same records.
+    """Return the values of all quantities of several records in one array. Their order equals the order of the symbols
+    that `symbolic` returns for these records.
     """
     return np.array([float(value) for record in records for value in record.values().values()])
 
@@ -97,7 +98,7 @@ def torque_and_rates(
 
 
 def _rates(effect: Any, rates: tuple[Scalar, ...], x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-    """Return the rates of change of an effect's states after a check: there must be as many rates as states."""
+    """Return the rates of change of an effect's states, after a check that each state has one rate."""
     if len(rates) != len(x):
         raise ParameterError(
             f"{type(effect).__name__}.rate returns {len(rates)} rates for {len(x)} states: give one for each state."
@@ -106,8 +107,8 @@ def _rates(effect: Any, rates: tuple[Scalar, ...], x: tuple[Scalar, ...]) -> tup
 
 
 def law(name: str, inputs: Sequence[ca.SX], out: ca.SX) -> ca.Function:
-    """Return a CasADi function with these inputs and the output `out`, an expression to which all effects have
-    contributed. First the expression is checked, because effects may be written by a user.
+    """Return a CasADi function with these inputs and the output `out`, an expression with the contributions of all
+    effects. First the expression is checked, because effects may be written by a user.
 
     Raises
     ------
@@ -312,8 +313,8 @@ def split_law(law: ca.Function, varying: int) -> SplitLaw:
     """Divide a law (first, states, parameters) -> column into a function of its constants, which is evaluated once, and
     a function for the rest, which is evaluated in every step.
 
-    The two functions do the operations of the whole law in the same order, so that the result is equal to the bit.
-    Equal expressions are computed once.
+    The two functions do the operations of the whole law in its order, so that the result is equal to the bit. Equal
+    expressions are computed once.
 
     Parameters
     ----------

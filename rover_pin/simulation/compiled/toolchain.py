@@ -29,10 +29,9 @@ FLAGS = ("-O3", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
 processors give equal bits."""
 PLAIN_CPU = "-mcpu=baseline"
 """Option of the compiler Zig for code that every processor of this architecture can run. Without this option, Zig
-compiles for the processor of this computer only, although another computer may use the same folder of libraries."""
+compiles for the processor of this computer only, although another computer may use this folder of libraries."""
 SEPARATOR = "\0"
-"""Character between the texts from which the digest in a library's file name is computed; none of these texts can
-contain it."""
+"""Character between the texts of the digest in a library's file name; none of these texts can contain it."""
 DISK_FULL = os.strerror(errno.ENOSPC)
 """Words in a compiler's output that report a full disk."""
 
@@ -53,7 +52,7 @@ def shared_library(source: str, name: str) -> ctypes.CDLL:
     """Return the library that is compiled from the C code `source`. If it was compiled before, it is loaded from a
     private folder instead (`private_folders`).
 
-    If there is no compiler, a library that another compiler made earlier from the same source is used, provided that it
+    If there is no compiler, a library that another compiler made earlier from an equal source is used, provided that it
     was made for this processor and for this C library.
 
     Parameters
@@ -103,7 +102,7 @@ def portable_library(sources: Mapping[str, str], place: Path) -> Path:
     sources : mapping
         Name -> content of each C file.
     place : Path
-        Folder in which the files and the library are written.
+        Folder of the files and the library.
     """
     return _compile_sources(found_compiler(), sources, place)
 
@@ -123,7 +122,7 @@ def found_compiler() -> list[str]:
 
 
 def fast_flags(command: list[str]) -> list[str]:
-    """Return the compiler options with which the laws use the vector instructions of this processor.
+    """Return the compiler options that make the laws use the vector instructions of this processor.
 
     The list is empty if vector instructions cannot be used: with the compiler Zig, on an unknown processor, or if the C
     library has no vector functions.
@@ -143,7 +142,7 @@ def _compile_sources(command: list[str], sources: Mapping[str, str], place: Path
     sources : mapping
         Name -> content of each C file.
     place : Path
-        Folder in which the C files and the library are written.
+        Folder of the C files and the library.
     fast : sequence of str
         Options for vector instructions. If the compiler refuses them, the files are compiled without them.
     """
@@ -227,12 +226,12 @@ def build_library(folders: Sequence[Path], stem: str, make: Callable[[Path], Pat
     """Build a library, store it in the first folder that can hold it, and return it.
 
     The file's name contains the digest of its content. A single rename therefore puts library and digest in place, even
-    if other processes build the same library at the same time.
+    if other processes build this library simultaneously.
 
     Parameters
     ----------
     folders : sequence of Path
-        The folders, in the order in which they are tried.
+        The folders, in the order of the trials.
     stem : str
         Beginning of the file's name.
     make : callable
@@ -272,7 +271,7 @@ def _load_library(file: Path) -> ctypes.CDLL:
 
 
 def _library_file(folder: Path, stem: str, content: bytes) -> Path:
-    """Return the path under which a library is stored in a folder. The file name contains a digest of the library's
-    content, so that a changed file is detected.
+    """Return the path of a stored library in a folder. The file name contains a digest of the library's content, so
+    that a changed file is detected.
     """
     return folder / f"{stem}-{hashlib.sha256(content).hexdigest()[:32]}.so"

@@ -29,8 +29,8 @@ def default_resistance(
     Parameters
     ----------
     soil, rover, traction : Soil, Rover, SoilTraction
-        `traction` states the traction form and the contact angles. F is the mean over all wheels, each of which carries
-        an equal share of the weight.
+        `traction` states the traction form and the contact angles. F is the mean over all wheels. Each wheel carries an
+        equal share of the weight.
     gravity : float
         Gravity [m/s^2], for the wheels' load. With fixed angles F does not depend on the load.
     S : float
@@ -43,7 +43,7 @@ def default_resistance(
 
 def traction_factor(S: float, soil: Soil, rover: Rover, traction: SoilTraction, gravity: float = EARTH) -> float:
     """Return the traction factor F(S) [-], the pull of the soil on a wheel divided by the wheel's load, at the slip S.
-    It is the mean over a rover's wheels, each of which carries an equal share of the weight.
+    It is the mean over a rover's wheels. Each wheel carries an equal share of the weight.
 
     Parameters
     ----------

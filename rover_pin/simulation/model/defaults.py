@@ -29,12 +29,12 @@ HOLDING_SLOPE = math.radians(25.0)
 20 deg of the paper's test field."""
 FROUDE = CRUISE_SPEED / CRUISE_DUTY / math.sqrt(EARTH * float(NEXUS6_WHEEL.r))
 """Froude number of the rover's speed at full duty, speed / sqrt(g r), with gravity g and wheel radius r: 0.14, from the
-paper's 0.05 m/s at duty 0.55 with r = 45 mm. Default motors of other rovers get the same Froude number."""
+paper's 0.05 m/s at duty 0.55 with r = 45 mm. Default motors of other rovers get an equal Froude number."""
 NEXUS6_MASS = 5.8
 """Mass of the paper's rover [kg]."""
 ROTOR_SHARE = 1e-3 / (NEXUS6_MASS / 6 * float(NEXUS6_WHEEL.r) ** 2)
-"""Ratio of the inertia of a motor's rotor, as it acts at the wheel, to m r^2 / n, with the rover's mass m, wheel radius
-r and number of wheels n. It is computed from the motor that is assumed for Nexus 6, and used for the default motors of
+"""Ratio of the inertia of a motor's rotor, referred to the wheel, to m r^2 / n, with the rover's mass m, wheel radius r
+and number of wheels n. It is computed from the motor that is assumed for Nexus 6, and used for the default motors of
 other rovers."""
 SUPPLY, GEAR = 12.0, 100.0
 """SUPPLY and GEAR: supply voltage [V] and gear ratio of a default motor (assumed); only currents depend on them."""
@@ -60,10 +60,10 @@ def scale(rover: Rover) -> float:
 
 
 def pace(rover: Rover, motor: Motor) -> float:
-    """Return the ratio by which durations of ready-made drives are multiplied for a rover: the time that it needs for a
-    terrain of its size, relative to the time that Nexus 6 needs for the original terrain.
+    """Return the ratio that scales the durations of ready-made drives for a rover: the time that it needs for a terrain
+    of its size, relative to the time that Nexus 6 needs for the original terrain.
 
-    The ratio is the size of the terrain divided by the rover's speed at full duty without load, divided by the same
+    The ratio is the size of the terrain divided by the rover's speed at full duty without load, divided by this
     quotient of Nexus 6. For wheels of the paper's size it is 1 with every motor, by definition.
     """
     if scale(rover) == 1.0:
@@ -81,7 +81,7 @@ def has_papers_wheel(rover: Rover) -> bool:
 
 def usual_angles(rover: Rover, name: str = "") -> FixedAngles | SinkageAngles:
     """Return the contact angles with this name, "fixed" or "sinkage". Without a name, return the usual angles of the
-    rover: fixed angles for wheels of the paper's size, for which the paper states them, and angles that follow the
+    rover: fixed angles for wheels of the paper's size, because the paper states them, and angles that follow the
     sinkage for all other wheels.
     """
     return ANGLES.get(name) or ANGLES["fixed" if has_papers_wheel(rover) else "sinkage"]
@@ -171,9 +171,9 @@ def own_soil(rover: Rover, name: str = "", default: Soil = TABLE_1) -> Selection
     """Return the soil with this name, otherwise the soil in the rover's TOML, otherwise the default soil, which is made
     firm enough to carry the rover.
 
-    A named soil is converted to the width of the rover's wheels. The default soil gets the constant k_1 with which a
-    wheel under an equal share of the weight sinks to the soil's entry angle theta_1 at the slip S = 0, by Eq (6) of the
-    paper, the normal force. Nexus 6 on the soil of Table 1 fulfils this condition.
+    A named soil is converted to the width of the rover's wheels. The constant k_1 of the default soil follows from Eq
+    (6) of the paper, the normal force: a wheel under an equal share of the weight sinks to the soil's entry angle
+    theta_1 at the slip S = 0. Nexus 6 on the soil of Table 1 fulfils this condition.
 
     Parameters
     ----------
@@ -216,9 +216,8 @@ def own_soil(rover: Rover, name: str = "", default: Soil = TABLE_1) -> Selection
 
 
 def _firm_enough(wheel: Wheel, soil: Soil, load: float) -> float:
-    """Return the soil constant k_1 [Pa] with which the soil carries the load [N] under a wheel at the slip S = 0 and at
-    the soil's own entry angle theta_1. The normal force f_n is linear in k_1, so that two evaluations give the
-    result.
+    """Return the soil constant k_1 [Pa] of a soil that carries the load [N] under a wheel at the slip S = 0 and at the
+    soil's own entry angle theta_1. The normal force f_n is linear in k_1, so that two evaluations give the result.
     """
     # Two values of k_1 give the straight line f_n(k_1), which is solved for the load.
     forces = [

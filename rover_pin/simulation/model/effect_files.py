@@ -199,7 +199,7 @@ def reading_traction(effect: OneKind, present: Iterable[Any]) -> OneKind:
     Parameters
     ----------
     effect : effect
-        The effect. Of form and angles, only the fields that it has are set.
+        The effect. If it has a form or angles, these fields are set.
     present : iterable of effects
         The effects of the model; the first `SoilTraction` among them is the traction law. If there is none, `effect` is
         returned unchanged.
@@ -212,7 +212,7 @@ def reading_traction(effect: OneKind, present: Iterable[Any]) -> OneKind:
 
 
 def effect_entry(effect: AnyEffect) -> dict[str, Any]:
-    """Return an effect as a TOML table, from which `effect_from` makes an equal effect: the name of its class, its
+    """Return an effect as a TOML table that `effect_from` converts back to an equal effect: the name of its class, its
     choices (traction form, contact angles), and its quantities with units.
 
     For an effect of another installed package, the table also contains the name of this package; for a user's effect,
@@ -298,7 +298,7 @@ def _with_offered_effects(
 
 def effect_among(kinds: Mapping[str, type[AnyEffect]], entry: Mapping[str, Any], where: str) -> AnyEffect:
     """Return the effect that a TOML table describes. The table names the class of the effect, which must be a key of
-    `kinds` (name -> class). The errors are those of `effect_from`.
+    `kinds` (name -> class). For the errors, see `effect_from`.
     """
     name = text_in(entry, "name", where)
     fields = {field: value for field, value in entry.items() if field not in NO_FIELDS}

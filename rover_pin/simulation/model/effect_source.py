@@ -2,7 +2,7 @@
 encodes the texts in them.
 
 Three parts of the program write such files: `rover-pin new-effect`; the search in the residual of a wheel rig, which
-drafts an effect; and the search in the residual of a drive log, which does the same. Each part fills in an
+drafts an effect; and the search in the residual of a drive log, which also drafts an effect. Each part fills in an
 `EffectSource`.
 
 The names in the text (of a rig, a run, a channel) come from data files, so they are encoded as Python literals,
@@ -79,7 +79,7 @@ class Coefficient(NamedTuple):
 
 
 class DraftedEffect(NamedTuple):
-    """A drafted effect in two forms with the same numbers: the text of a Python file for the user, and an object that a
+    """A drafted effect in two forms with equal numbers: the text of a Python file for the user, and an object that a
     fit can use.
     """
 
@@ -179,7 +179,7 @@ class EffectSource:
         function) take the place of the hooks' code in the file.
 
         `close-loop` tries a drafted effect in this form, because the program never executes the text. The functions
-        must compute the same values as the code in `self.hooks`.
+        must compute the values of the code in `self.hooks`.
         """
         coefficients = {number.name: quantity(*number[1:]) for number in self.coefficients}
         members = {
@@ -215,7 +215,7 @@ class EffectSource:
 
 
 def first_version(name: str, acts: str) -> EffectSource:
-    """Return a small example of an effect, from which a user starts to write an effect with a new law.
+    """Return a small example of an effect, as a start for a user who writes an effect with a new law.
 
     `rover-pin new-effect` writes the text of this example to a file. The example works unchanged, so that a user can
     change one line at a time.

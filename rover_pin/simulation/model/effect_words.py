@@ -33,8 +33,8 @@ def having(model: Model, effects: AnyEffect | str | Iterable[AnyEffect | str], t
 
     If the model already has an effect of the class and owner (wheel, channel, joint) that a word names, this effect is
     changed: fields that the word does not name keep their values. Otherwise fields that the word does not name get the
-    defaults of the class. An effect that uses a traction form and contact angles gets those of the model's traction
-    law.
+    defaults of the class. An effect that uses a traction form and contact angles gets the form and the angles of the
+    model's traction law.
 
     Parameters
     ----------
@@ -112,8 +112,8 @@ def effect_of(word: str, model: Model, kinds: Mapping[str, type[AnyEffect]] | No
     word : str
         The word: name of the class, a point, and values of fields.
     model : Model
-        The model for which the effect is meant. If it already has an effect of this class and owner, the fields that
-        the word does not name keep their values.
+        The model that gets the effect. If it already has an effect of this class and owner, the fields that the word
+        does not name keep their values.
     kinds : mapping, optional
         Name -> class of the known effects; if missing, the effects of the package.
 

@@ -197,8 +197,8 @@ class Model:
     def having(self, effect: AnyEffect) -> Self:
         """Return the model with this effect added.
 
-        If the model already has an effect of the same class and the same owner (wheel, channel or joint at which the
-        effect acts), the new effect replaces it.
+        If the model already has an effect of this class and this owner (wheel, channel or joint of the effect), the new
+        effect replaces it.
         """
         # The base class of an effect decides where it acts.
         if isinstance(effect, (AlgebraicSlip, RelaxedSlip)):
@@ -250,8 +250,8 @@ def built_rover(rover: Rover, gravity: float, changes: tuple[Change, ...]) -> Ro
     """Return a rover under a gravity [m/s^2], with additional masses and tilts of gravity. `changes` holds the masses
     and tilts that each body effect states.
 
-    Calls with equal arguments return the same object, so that results that are stored for a rover (`rover_fields`) can
-    be used for all its drives.
+    Calls with equal arguments return one object, so that results that are stored for a rover (`rover_fields`) can be
+    used for all its drives.
     """
     rover = rover.under(gravity)
     for ballast, rise in changes:
@@ -262,10 +262,10 @@ def built_rover(rover: Rover, gravity: float, changes: tuple[Change, ...]) -> Ro
 
 def built_ground(terrain: Terrain, bends: Sequence[Bend]) -> Terrain:
     """Return a terrain with changes of its height along x. `bends` holds the changes that each body effect states.
-    Calls with equal arguments return the same object, which can be a key of caches.
+    Calls with equal arguments return one object, which can be a key of caches.
 
     Without such changes the terrain itself is returned, and the cache is not searched, because the search compares all
-    heights of a dense grid, which takes as long as a short drive.
+    heights of a dense grid, which takes the time of a short drive.
     """
     actual_bends = tuple(bend for bend in bends if bend[0])
     return _bent_ground(terrain, actual_bends) if actual_bends else terrain
@@ -282,8 +282,8 @@ def _bent_ground(terrain: Terrain, bends: tuple[Bend, ...]) -> Terrain:
 
 
 def _having(present: tuple[OneKind, ...], effect: OneKind) -> tuple[OneKind, ...]:
-    """Return the effects `present` with the new effect `effect`. It replaces the effect of the same class and owner if
-    there is one, otherwise it is added at the end.
+    """Return the effects `present` with the new effect `effect`. It replaces the effect of its class and owner if there
+    is one, otherwise it is added at the end.
     """
     changed = [effect if same_place(entry, effect) else entry for entry in present]
     if not any(entry is effect for entry in changed):
@@ -292,8 +292,8 @@ def _having(present: tuple[OneKind, ...], effect: OneKind) -> tuple[OneKind, ...
 
 
 def same_place(first: AnyEffect, second: AnyEffect) -> bool:
-    """Return whether two effects exclude each other in a model, because they have the same class and the same owner
-    (wheel, channel or joint at which they act).
+    """Return whether two effects exclude each other in a model, because their class and their owner (wheel, channel or
+    joint) are equal.
     """
     owners = [tuple(getattr(effect, name, None) for name in OWNERS) for effect in (first, second)]
     return type(first) is type(second) and owners[0] == owners[1]
@@ -313,7 +313,7 @@ def base_effects(soil: Soil, rover: Rover, traction: SoilTraction, gravity: floa
 
 
 def cruising(model: Model, S: float = CRUISE_SLIP) -> Model:
-    """Return the model with the motion resistance R = F(S) with which its rover cruises on level ground at the slip S
+    """Return the model with the motion resistance R = F(S), so that its rover cruises on level ground at the slip S
     [-]. F is the traction factor (pull divided by load) of its soil.
 
     Raises

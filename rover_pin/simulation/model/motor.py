@@ -77,7 +77,7 @@ class Motor(Record):
 
     @property
     def armature(self) -> Scalar:
-        """Inertia of the motor's rotor as it acts at the wheel, gear^2 J_r [kg m^2], with the inertia J_r of the rotor
+        """Inertia of the motor's rotor, referred to the wheel, gear^2 J_r [kg m^2], with the inertia J_r of the rotor
         itself.
         """
         return self.gear * self.gear * self.rotor_inertia
@@ -92,7 +92,7 @@ class Motor(Record):
         """Return a motor that turns its wheel at the rate `omega` [rad/s] under the load torque `torque` [N m] at the
         duty `delta`.
 
-        Stall torque, supply voltage and armature are those of this motor; gear, resistance and rotor inertia are
+        Stall torque, supply voltage and armature equal the values of this motor; gear, resistance and rotor inertia are
         changed.
 
         Raises ParameterError: no gear gives this operating point.

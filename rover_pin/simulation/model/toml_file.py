@@ -50,7 +50,7 @@ lists of tables."""
 
 
 def write_model(model: Model, path: str | Path, note: str = "", rover: str = "", with_terrain: bool = False) -> Path:
-    """Write a model to a TOML file, from which `read_model` reads an equal model, and return the file's path.
+    """Write a model to a TOML file, so that `read_model` reads an equal model from it, and return the file's path.
 
     Parameters
     ----------
@@ -63,7 +63,8 @@ def write_model(model: Model, path: str | Path, note: str = "", rover: str = "",
     rover : str
         Path of the rover's TOML; needed if the rover does not come with the package.
     with_terrain : bool
-        Also write the terrain, to files in the same folder. Without it, the reader of the file has to give a terrain.
+        Also write the terrain, to files in the folder of the model. Without it, the reader of the file has to give a
+        terrain.
 
     Raises
     ------

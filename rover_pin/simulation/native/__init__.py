@@ -1,7 +1,7 @@
 """The C code of the step, of the loop over the steps, and of setting a rover down. The C files are joined to one source
 in the order of `FILES`.
 
-Start at `step.c`, whose last function is the whole step; `loop.c` calls it. `plain/step.py` contains the same step in
+Start at `step.c`, whose last function is the whole step; `loop.c` calls it. `plain/step.py` contains this step in
 readable Python.
 """
 

@@ -1,5 +1,5 @@
-"""The compiled rigid-body dynamics of a rover, shared by all rovers with the same kinematic tree, and the order in
-which the speeds are eliminated from its equations of motion.
+"""The compiled rigid-body dynamics of a rover, shared by all rovers with equal kinematic trees, and the order of the
+elimination of speeds from its equations of motion.
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ class KeyedModel:
 
     @classmethod
     def of(cls, model: pin.Model) -> KeyedModel:
-        """Return the model as a key of a cache, together with the bytes by which models are compared."""
+        """Return the model as a key of a cache, together with bytes for the comparison of models."""
         return cls(_content(model), model)
 
 
 def _content(model: pin.Model) -> bytes:
-    """Return everything that `tree_of` reads from a model, as bytes. Two models with equal bytes have the same
-    kinematic tree, masses and lengths.
+    """Return everything that `tree_of` reads from a model, as bytes. Two models with equal bytes have equal kinematic
+    trees, masses and lengths.
     """
     parts = [
         f"{joint.shortname()} {joint.idx_q} {parent}" for joint, parent in zip(model.joints, model.parents, strict=True)
@@ -117,8 +117,8 @@ def _compile_body(joints: tuple[Joint, ...], nq: int, nv: int) -> tuple[ctypes.C
 def elimination(
     model: pin.Model, coupled: Sequence[tuple[int, int]], together: Sequence[int]
 ) -> tuple[list[int], list[list[int]]]:
-    """Return the order in which the speeds are eliminated from the equations of motion, and for each eliminated speed
-    the later speeds whose equations the elimination changes.
+    """Return the order of the elimination of speeds from the equations of motion, and for each eliminated speed the
+    later speeds whose equations the elimination changes.
 
     Two speeds are called neighbours if their entry in the system matrix is not zero. The speeds of a joint and of a
     joint that carries it are neighbours. Elimination from the leaves of the tree to the base creates no further

@@ -27,7 +27,7 @@ class SlipTable(NamedTuple):
     speed: Sequence[float]
     """travel speed at each duty [m/s]"""
     r: float
-    """wheel radius with which Eq (9) converts wheel rates to rim speeds [m]"""
+    """wheel radius in Eq (9), which converts wheel rates to rim speeds [m]"""
 
 
 class TorqueTable(NamedTuple):
@@ -61,12 +61,12 @@ class SlipLaw(NamedTuple):
     period: float
     """time between two samples of the control [s]"""
     table: SlipTable | None
-    """table from which the slip is estimated; None: the law gets the true slip of the simulation"""
+    """table for the estimate of the slip; None: the law gets the true slip of the simulation"""
 
 
 class OnboardLaw(NamedTuple):
     """A slip estimate that uses only on-board sensors, as a C function with the arrays that it reads and writes. The
-    Python object of the estimate owns these arrays, and must exist as long as the loop runs.
+    Python object of the estimate owns these arrays, and must exist until the loop ends.
     """
 
     sense: int
@@ -88,17 +88,18 @@ class OnboardLaw(NamedTuple):
 
 
 class StopLaw(NamedTuple):
-    """Condition under which a control with an `OnboardLaw` stops for good, because the rover is stuck. The function
-    `stops` in tables.c evaluates the condition.
+    """Condition of a control with an `OnboardLaw` for a final stop, because the rover is stuck. The function `stops` in
+    tables.c evaluates the condition.
     """
 
     p: float
-    """a sample counts as standing still if the estimated probability that the rover does not move exceeds this value"""
+    """a sample counts as a sample without motion if the estimated probability that the rover does not move exceeds this
+    value"""
     law: np.ndarray
-    """three numbers: weight of a new sample in the running average of samples that stand still; average above which the
-    control stops; ratio of the deepest hole to the wheel radius above which the control stops"""
+    """three numbers: weight of a new sample in the running average of samples without motion; maximum average before
+    the control stops; maximum ratio of the deepest hole to the wheel radius before the control stops"""
     memory: np.ndarray
-    """two numbers, read and written: running average of samples that stand still; a number above 0 if the control has
+    """two numbers, read and written: running average of samples without motion; a number above 0 if the control has
     stopped"""
 
 
@@ -156,7 +157,7 @@ class CompiledController:
 
     def fields(self, kernel: Kernel, samples: int) -> dict[str, Any]:
         """Return the fields of the C struct Loop that describe this controller. `samples` is the number of control
-        instants in the drive, for which sensor noise is drawn.
+        instants in the drive; sensor noise is drawn for each.
         """
         # Fixed commands come first; a law, limits and noise add their own fields.
         # `reads` counts the readings of a sample: roll, pitch and yaw, two for each wheel, and the suspension's angles.

@@ -43,8 +43,8 @@ BINARY = {
     "OP_OR": "v_or({0}, {1})",
     "OP_IF_ELSE_ZERO": "v_if({0}, {1})",
 }
-"""UNARY and BINARY: name of a CasADi operation with one or with two arguments -> its C code, in which {0} and {1} stand
-for the arguments. lanes.h defines the functions v_..."""
+"""UNARY and BINARY: name of a CasADi operation with one or with two arguments -> its C code, with {0} and {1} in place
+of the arguments. lanes.h defines the functions v_..."""
 COMMUTATIVE = ("OP_ADD", "OP_MUL")
 """Operations whose result does not change if the two arguments are exchanged. They are recognised as equal in both
 orders."""
@@ -60,7 +60,7 @@ class _Value(NamedTuple):
 
 
 def header() -> str:
-    """Return the C source (lanes.h) that must stand before the code that `c_source` returns."""
+    """Return the C source (lanes.h) that must precede the code that `c_source` returns."""
     return text_of_package("rover_pin.simulation.native", "lanes.h")
 
 
@@ -147,7 +147,7 @@ def _number_values(function: ca.Function, shared: frozenset[int]) -> tuple[list[
 
 
 def _needed_values(values: list[_Value], wanted: set[int]) -> list[int]:
-    """Return the indices of the wanted values and of all values that they use, in an order in which each value follows
+    """Return the indices of the wanted values and of all values that they use, in such an order that each value follows
     the values that it uses.
     """
     done: dict[int, None] = {}

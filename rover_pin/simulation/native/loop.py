@@ -36,8 +36,8 @@ class LoopStatus(IntEnum):
 
 
 QUESTIONS = 256
-"""Number of readings for a controller in Python for which memory is reserved at once. A controller may keep its
-readings, so that memory is not used again; new memory is reserved after this number of readings."""
+"""Number of readings for a controller in Python whose memory is reserved at once. A controller may keep its readings,
+so that memory is not used again; new memory is reserved after this number of readings."""
 
 
 class Loop:
@@ -55,7 +55,7 @@ class Loop:
     per_sample : int
         Number of steps of the length dt between two rows.
     **fields
-        Further fields of the struct Loop (`native/shared.py`, LOOP_FIELDS), for example those of a controller.
+        Further fields of the struct Loop (`native/shared.py`, LOOP_FIELDS), for example the fields of a controller.
     """
 
     def __init__(self, kernel: Kernel, dt: float, steps: int, per_sample: int, **fields: Any):
@@ -142,7 +142,7 @@ class Loop:
 
     @property
     def checkpoint(self) -> Checkpoint:
-        """Time and number of steps that the drive has reached, from which another loop can continue the drive."""
+        """Time and number of steps that the drive has reached, so that another loop can continue the drive."""
         return Checkpoint(self.struct.begin, self.struct.k, self.struct.size)
 
     def run(self, until: int) -> LoopStatus:

@@ -2,7 +2,7 @@
 one pass over the kinematic tree of Pinocchio's model.
 
 Every number of the model (placements, inertias) that is not 0, 1 or -1 is a parameter of the expressions. Rovers with
-the same kinematic tree therefore share one compiled function, whatever they carry. The frame of each joint is turned so
+equal kinematic trees therefore share one compiled function, whatever they carry. The frame of each joint is turned so
 that the joint's axis is x, which makes rotation matrices sparse.
 
 Source: Featherstone, Rigid Body Dynamics Algorithms (2008), tables 5.1 (recursive Newton-Euler) and 6.2 (composite
@@ -20,7 +20,7 @@ import pinocchio as pin
 
 ROUND_OFF = 1e-15
 """Limit of round-off. A number of a placement or of an inertia counts as zero if it is smaller than this fraction of
-the largest number in the same vector or matrix."""
+the largest number in its vector or matrix."""
 REVOLUTION_TOLERANCE = 1e-13
 """A wheel counts as a body of revolution if the asymmetry of its inertia does not exceed this fraction of its largest
 moment of inertia. Its rotation angle then has no influence on the dynamics, which simplifies the code."""
@@ -53,7 +53,7 @@ class Joint:
 
 class Tree(NamedTuple):
     """A kinematic tree in two parts: the joints, which decide the generated code, and the values of the parameters
-    (masses, lengths), with which the code is called.
+    (masses, lengths), which are arguments of the code.
     """
 
     joints: tuple[Joint, ...]
@@ -112,7 +112,7 @@ def _axis(model: pin.Model, data: pin.Data, i: int) -> np.ndarray:
 
 def _turn_to(axis: np.ndarray) -> np.ndarray:
     """Return a rotation matrix (3, 3) that turns the x axis to `axis`. If the numbers of `axis` are 0, 1 and -1 only,
-    so are those of the matrix, which keeps the generated code short.
+    so are the numbers of the matrix, which keeps the generated code short.
     """
     # Complete the axis to a right-handed frame, beginning with a unit vector that is not parallel to it.
     axis = _clean(axis)
@@ -126,8 +126,8 @@ def _numbers(model: pin.Model, i: int, parent: np.ndarray, R: np.ndarray) -> np.
     """Return the numbers of joint i as one array, in the order of `Joint.numbers`: rotation, translation, mass,
     position of the centre of mass and inertia.
 
-    `parent` and `R` are the rotations (3, 3) by which the frame of the parent joint and the frame of joint i are
-    turned, so that the axis of each joint is x.
+    `parent` and `R` are the rotations (3, 3) of the frame of the parent joint and of the frame of joint i, which make x
+    the axis of each joint.
     """
     placement, inertia = model.jointPlacements[i], model.inertias[i]
     mass, lever = inertia.mass, R.T @ np.array(inertia.lever)
@@ -158,7 +158,7 @@ def rigid_body(joints: tuple[Joint, ...], nq: int, nv: int) -> ca.Function:
     with nq coordinates and nv degrees of freedom.
 
     The inputs of the function are a column of configuration q, velocity v and gravity; an empty column; and the
-    parameters of the joints. Of the inertia, the output contains only the entries that `inertia_places` lists, because
+    parameters of the joints. The output contains only the entries of the inertia that `inertia_places` lists, because
     all others are zero.
     """
     q, v, gravity = ca.SX.sym("q", nq), ca.SX.sym("v", nv), ca.SX.sym("gravity", 3)
@@ -187,7 +187,7 @@ def inertia_places(joints: tuple[Joint, ...]) -> list[tuple[int, int]]:
 
 def _above(joints: tuple[Joint, ...], joint: Joint) -> list[int]:
     """Return the indices of the joints on the path from the base to a joint, from the base outwards. The base and the
-    joint itself are left out.
+    joint itself are not included.
     """
     ancestors = []
     while joint.parent != BASE:
@@ -268,7 +268,7 @@ class _RecursivePass:
         """Compute and store the speed and the bias acceleration of body i, both as a linear and an angular vector.
 
         The bias acceleration is the acceleration of the body if no joint accelerates, minus gravity. Subtracting
-        gravity has the same effect on the forces as gravity itself.
+        gravity changes the forces like gravity itself.
         """
         joint, R, p = self.joints[i], self.R[i], self.p[i]
         if i == BASE:

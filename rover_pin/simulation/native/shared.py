@@ -364,8 +364,8 @@ class DriveStruct(ctypes.Structure):
 def fill(struct: ctypes.Structure, keep: dict[str, Any], values: Mapping[str, Any]) -> None:
     """Set fields of a struct: numbers by value, arrays by their address.
 
-    C does not keep Python's arrays alive, so each array is stored in `keep` under the name of its field, for as long as
-    the struct is used.
+    C does not keep Python's arrays alive, so each array is stored in `keep` under the name of its field, until the
+    struct is no longer used.
     """
     for name, value in values.items():
         if isinstance(value, np.ndarray):

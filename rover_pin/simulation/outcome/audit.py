@@ -12,17 +12,17 @@ from rover_pin.simulation.state import suspension_places
 from rover_pin.simulation.trace.trace import Trace
 
 LOAD_BAND = (0.99, 1.01)
-"""Smallest and largest value of `mean_load`, the mean force of the soil divided by the rover's weight, with which a
-drive is believed. By Newton's second law the value is 1. Outside this range a warning is given; steps that are too long
-for stiff ground give several times 1."""
+"""Smallest and largest credible value of `mean_load`, the mean force of the soil divided by the rover's weight. By
+Newton's second law the value is 1. Outside this range a warning is given; steps that are too long for stiff ground give
+several times 1."""
 MIN_DURATION = 0.5
 """Shortest drive [s] whose mean load is checked. In a shorter drive a single bounce would decide the mean."""
 MIN_YIELD = math.radians(0.1)
-"""Smallest angle [rad] beyond an end stop for which a note states that the end stop yielded."""
+"""Smallest angle [rad] beyond an end stop that gives a note. The note states that the end stop yielded."""
 MAX_ENERGY_ERROR, MIN_ENERGY = 0.01, 1e-6
-"""MAX_ENERGY_ERROR: largest relative error of the energy balance with which a drive is believed; beyond it, a warning
-is given. MIN_ENERGY: if the drive's largest energy, divided by weight times wheel radius, is below this value, the
-rover counts as at rest, and the balance is not checked."""
+"""MAX_ENERGY_ERROR: largest credible relative error of the energy balance of a drive; beyond it, a warning is given.
+MIN_ENERGY: if the drive's largest energy, divided by weight times wheel radius, is below this value, the rover counts
+as at rest, and the balance is not checked."""
 
 
 def load_warning(model: Model, rows: np.ndarray) -> str:
@@ -95,8 +95,8 @@ def pivot_warning(steps: int) -> str:
 
 
 def mean_load(model: Model, rows: np.ndarray) -> float:
-    """Return the mean force with which the soil carried the rover in a drive, divided by the rover's weight [-]. Forces
-    that accelerated the rover upwards are subtracted, so that a correct simulation gives 1.
+    """Return the mean supporting force of the soil in a drive, divided by the rover's weight [-]. Forces that
+    accelerated the rover upwards are subtracted, so that a correct simulation gives 1.
 
     The result is (I . up / T - m dv/dt) / (m g), where I is the impulse of the soil's forces on all wheels in the
     duration T, computed from the forces at the beginning of each step, and m dv/dt is the mean rate of change of the

@@ -27,8 +27,8 @@ MIN_CROSSINGS = 4
 """The wheels count as swinging to and fro if they change their direction, on average, at least this number of times in
 the later half of a drive."""
 NO_DUTY = 1e-9
-"""Largest absolute duty with which a motor counts as not driven. The duties of a servo at rest are not exactly 0
-because of round-off."""
+"""Largest absolute duty of a motor that counts as not driven. The duties of a servo at rest are not exactly 0 because
+of round-off."""
 HELD_SINCE = "stands_since"
 """Name of an attribute of a trace: the time [s] since which a controller holds the wheels still, because the rover has
 reached its aim."""
@@ -121,7 +121,7 @@ def wheel_paths(trace: Trace) -> WheelPaths:
 
 
 def _parked(trace: Trace, paths: WheelPaths) -> DriveOutcome:
-    """Return the outcome of a drive whose motors were never driven: "held" if the rover stood still, "slid" if it
+    """Return the outcome of a drive whose motors were never driven: "held" if the rover stayed at rest, "slid" if it
     moved.
     """
     distance = _furthest(trace)
@@ -146,8 +146,7 @@ def _swing(trace: Trace, paths: WheelPaths) -> tuple[float, str]:
 
     The frequency is 0 if the wheels do not swing. The text is empty unless less than half of the wheels' motion moves
     the rover on. Reason for such a motion under a constant duty: if the traction factor of the soil at zero slip
-    exceeds the motion resistance, F(0) > R, the soil drives wheels that stand still, so that no state of rest is
-    stable.
+    exceeds the motion resistance, F(0) > R, the soil drives wheels at rest, so that no state of rest is stable.
     """
     # Net distance of the rims, and number of changes of direction, both as means over the wheels.
     late = slice(len(paths.t) // 2, None)
@@ -297,8 +296,8 @@ def _stuck(trace: Trace, paths: WheelPaths) -> DriveOutcome | None:
 
 
 def _driving(trace: Trace, paths: WheelPaths) -> DriveOutcome:
-    """Return the outcome of a drive for which no other outcome holds: "driving" or "creeping" if the rover moves on or
-    turns on the spot, "slid back" if it slowly moves against its duty.
+    """Return the outcome of a drive without any other outcome: "driving" or "creeping" if the rover moves on or turns
+    on the spot, "slid back" if it slowly moves against its duty.
     """
     ratio = _travel_ratio(paths)
     last = float(ratio[-1]) if ratio.size else 1.0
@@ -325,7 +324,7 @@ def _driving(trace: Trace, paths: WheelPaths) -> DriveOutcome:
 
 def _travel_ratio(paths: WheelPaths) -> np.ndarray:
     """Return, for each row of a drive, the distance travelled while the rims turn by the next wheel radius r, divided
-    by the distance that the rims turn in this time. Rows after which the rims turn by less than r are left out.
+    by the distance that the rims turn in this time. Rows are omitted if the rims turn by less than r after them.
     """
     # Rims that have turned by 1e15 m lose r in round-off; the second condition keeps the distances positive.
     turned, r = paths.turned, paths.r

@@ -34,8 +34,8 @@ LAG_REASON = (
 """Reason that the warning states for energy that a traction form creates, unless REASONS has another reason for this
 form."""
 REASONS = {"net": "near rest, the compaction resistance of Eq (7) pushes the rover although no wheel rolls"}
-"""Name of a traction form (the formula by which pull follows from the stresses) -> reason why this form creates energy.
-All other forms get LAG_REASON."""
+"""Name of a traction form (the formula for the pull from the stresses) -> reason why this form creates energy. All
+other forms get LAG_REASON."""
 
 
 class ShearStore(NamedTuple):
@@ -115,10 +115,10 @@ class SpuriousEnergy(NamedTuple):
     """energy created by the traction law: the power that sheared soil returns to wheels and rover (`spurious_energy`),
     integrated over the drive, minus the energy that the sheared soil had stored"""
     soil: float
-    """largest decrease of the energy that the soil has taken, minus the energy with which the wheels had been pressed
-    into the soil"""
+    """largest decrease of the energy that the soil has taken, minus the energy that had pressed the wheels into the
+    soil"""
     meanwhile: float
-    """work of the motors in those intervals in which the traction law returned energy"""
+    """work of the motors in the intervals of a traction law that returned energy"""
 
 
 def spurious_energy(model: Model, trace: Trace, least: float = 0.0) -> SpuriousEnergy:

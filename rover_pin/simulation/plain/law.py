@@ -1,4 +1,4 @@
-"""The contact law at one patch in NumPy, for a wheel that travels forwards, backwards, or stands nearly still."""
+"""The contact law at one patch in NumPy, for a wheel that travels forwards, backwards, or is nearly at rest."""
 
 import math
 from typing import NamedTuple
@@ -10,12 +10,11 @@ from rover_pin.simulation.compiled.kernel import DIRECTION_SPEED
 from rover_pin.simulation.model.model import Model
 
 TRAVEL_SIGNS = np.array([-1.0, -1.0, 1.0, -1.0])
-"""Signs by which (f_t, f_y, f_n, torque), and also (v_x, v_y, v_n, rim), change in the mirror image of a wheel, in
-which the wheel travels in the opposite direction. Backward travel is computed as such a mirror image of forward
-travel."""
+"""Signs of (f_t, f_y, f_n, torque), and also of (v_x, v_y, v_n, rim), in the mirror image of a wheel. The mirror image
+travels in the opposite direction. Backward travel is computed as such a mirror image of forward travel."""
 UNDECIDED = DIRECTION_SPEED / 100.0
-"""Speed [m/s] below which travel speed and rim speed contribute equally to the direction of travel; above it, the
-faster of the two decides the direction."""
+"""Minimum speed [m/s] that decides the direction of travel alone. Below it, travel speed and rim speed contribute
+equally; above it, the faster of the two decides the direction."""
 
 
 class LawValue(NamedTuple):
@@ -79,8 +78,8 @@ class PlainLaw:
         self.last_axle = max(wheel.axle for wheel in model.rover.wheels)
 
     def __call__(self, contact: np.ndarray, states: np.ndarray) -> LawValue:
-        """Return the load at a contact patch and its derivatives, for a wheel that travels forwards, backwards, or
-        stands nearly still.
+        """Return the load at a contact patch and its derivatives, for a wheel that travels forwards, backwards, or is
+        nearly at rest.
 
         Parameters
         ----------

@@ -47,7 +47,7 @@ RECORD."""
 
 class PlainStepper(StepArrays):
     """The step of a model in NumPy: slow and readable. It is one of the two classes that advance a drive (`Stepper`),
-    and has the same attributes as the other, `Kernel`, which is compiled.
+    and has the attributes of the other, `Kernel`, which is compiled.
 
     Parameters
     ----------

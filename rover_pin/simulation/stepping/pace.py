@@ -1,4 +1,4 @@
-"""Control of the step size during a drive: if the forces change differently from what a step predicted, the step is
+"""Control of the step size during a drive: if the forces change differently from a step's prediction, the step is
 repeated in parts.
 """
 
@@ -13,8 +13,8 @@ import numpy as np
 from rover_pin.simulation.state import Checkpoint
 
 FINEST = 64
-"""Largest number of parts into which a step is divided during a drive. It is also the unit in which step sizes are
-counted: FINEST parts are one step dt."""
+"""Largest number of parts into which a step is divided during a drive. It is also the unit of step sizes: FINEST parts
+are one step dt."""
 ROUGH, CALM = 0.0025, 0.0001
 """Limits of the forecast error, the difference between a wheel's load and the load that the previous step predicted,
 divided by the normal force. Above ROUGH, the step is divided by four; below CALM, the step is doubled."""
@@ -47,7 +47,7 @@ class AdjustableStepper(Protocol):
 
     @property
     def growth(self) -> float:
-        """Largest factor by which a speed grew in the last step because forces push it away from zero; 0 if no factor
+        """Largest growth factor of a speed in the last step, if forces push the speed away from zero; 0 if no factor
         exceeds GROWS. A large factor shows that the step is too long.
         """
 
@@ -67,8 +67,8 @@ class AdjustableStepper(Protocol):
 
 
 def growth(first: np.ndarray, second: np.ndarray, third: np.ndarray) -> float:
-    """Return the largest factor by which a speed grew from the second to the third of three successive solutions for
-    the speeds, arrays (nv,). A step that is too long for forces that push a speed away from zero has such growing
+    """Return the largest growth factor of a speed from the second to the third of three successive solutions for the
+    speeds, arrays (nv,). A step that is too long for forces that push a speed away from zero has such growing
     solutions.
 
     Only speeds that kept their sign and grew by more than the factor GROWS twice in a row are considered. If there is

@@ -28,8 +28,8 @@ is stable up to a phase of 2; at 1.2, the frequency of the computed vibration is
 allows for wheel loads above an equal share of the weight: omega grows as load^(1/6) for n = 1 and as load^(1/3) for n =
 3, with the sinkage exponent n of the soil."""
 PRESSED_SHARE, MAX_FIRMNESS = 1e-3, 100.0
-"""PRESSED_SHARE: fraction of the smallest sinkage by which `firmness` presses the rover into the soil. MAX_FIRMNESS:
-largest factor that `firmness` returns."""
+"""PRESSED_SHARE: depth that `firmness` presses the rover into the soil, as a fraction of the smallest sinkage.
+MAX_FIRMNESS: largest factor that `firmness` returns."""
 MAX_PARTS = 400
 """Largest number of parts into which a step may be divided because of stiff ground. If more parts are needed, the drive
 is refused."""
@@ -79,8 +79,8 @@ def parts(model: Model, state: DriveState, dt: float, firmer: float = 1.0) -> in
 
 
 def firmness(stepper: Any, model: Model) -> float:
-    """Return the factor by which the effects of a model make the contacts of its wheels stiffer than the soil alone
-    (`stiffness`). It is limited to the range from 1 to MAX_FIRMNESS.
+    """Return the ratio of the stiffness of a model's wheel contacts, with all effects, to the stiffness of the soil
+    alone (`stiffness`). It is limited to the range from 1 to MAX_FIRMNESS.
 
     The factor is measured: the rover is pressed into the soil by a small distance, and the change of the loads is
     compared with the stiffness of the soil without effects. Effects that depend on the distance driven, or that act

@@ -77,7 +77,7 @@ class StepChange(NamedTuple):
         second-order method.
 
         A smaller error of the drive with halved steps is not believed, because it may have occurred by chance, for
-        example because both drives passed an obstacle on the same side.
+        example because both drives passed an obstacle on one side.
         """
         return self._replace(distance=0.25 * self.distance, load=0.25 * self.load, stop="")
 
@@ -128,8 +128,7 @@ def complete_steps(lengths: np.ndarray, dt: float, duration: float) -> np.ndarra
 
 
 def repeating(controller: Controller, rows: np.ndarray, timing: Timing) -> Controller | None:
-    """Return a controller that gives the same commands again, with which a drive of `controller` can be repeated; None
-    if these commands are not known.
+    """Return a controller that repeats the commands of a drive of `controller`; None if these commands are not known.
 
     A controller of the package is copied and reset; it is recognised by the method `native` of its innermost
     controller. A user-supplied controller may remember its readings or write them to a file, so that it is not called

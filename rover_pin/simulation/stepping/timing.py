@@ -36,8 +36,8 @@ SAMPLE = 0.05
 class Timing:
     """Step, control period and time between the rows of the trace, all in [s].
 
-    If necessary, the step `dt` is reduced to the longest step of which control period and time between rows are both
-    whole multiples.
+    If necessary, the step `dt` is reduced to the longest step that divides both the control period and the time between
+    rows.
 
     Raises
     ------

@@ -50,16 +50,16 @@ class DriveResult(NamedTuple):
     drive: RunningDrive
     run: LoopResult
     rows: np.ndarray
-    """rows of the drive; rows from the first number that is not finite are left out"""
+    """rows of the drive up to the first number that is not finite"""
     change: StepChange | None = None
     "difference between this drive and its repetition with another step; None: the drive was not repeated"
     longer: StepChange | None = None
-    """difference from the previous drive, whose step was twice as long, reduced to the part that is expected to remain
-    with the step of this drive; None: there was no such drive"""
+    """difference from the previous drive, whose step was twice this step, reduced to the part that is expected to
+    remain with the step of this drive; None: there was no such drive"""
 
     @property
     def stated(self) -> StepChange | None:
-        """The difference from which the error of the drive is computed: `change`, or, if `longer` is known too, the
+        """The difference that the error of the drive is computed from: `change`, or, if `longer` is known too, the
         larger of both.
         """
         return self.change.or_worse(self.longer) if self.change and self.longer else self.change
@@ -113,10 +113,10 @@ def drive_to_tolerance(job: DriveJob, state: DriveState) -> DriveResult:
     """Drive from a state, and repeat the drive with halved steps until its error is within the tolerance. The steps
     become at most MAX_REFINEMENT times shorter.
 
-    The error is measured by a second drive, in which each step of the first drive is halved. If the second drive chose
-    its own steps, its forecast error would be as large as in the first drive, so that both drives could be equally
-    wrong. If the error is too large, the drive with halved steps becomes the result, and its error is measured by
-    comparison with the previous drive.
+    The error is measured by a second drive, which halves each step of the first drive. If the second drive chose its
+    own steps, its forecast error would be as large as in the first drive, so that both drives could be equally wrong.
+    If the error is too large, the drive with halved steps becomes the result, and its error is measured by comparison
+    with the previous drive.
 
     A user-supplied controller is called in the first drive only. The error of its drive is measured with the commands
     that it gave, and the drive is not repeated with shorter steps. No error is measured if these commands are not

@@ -25,10 +25,9 @@ PER_WHEEL = {
 example `slip_fl`. The motor current is `current_WHEEL_A`, or `raw_current_WHEEL` if it is recorded in counts of unknown
 scale and zero. No sensor measures the channels from slip to travel."""
 DUTIES, RATES = "duties", "rates"
-"""Words with which a log states the inputs of its replay: the duties that drive the motors, or the measured wheel
-rates."""
+"""Words of a log for the inputs of its replay: the duties that drive the motors, or the measured wheel rates."""
 ODOMETRY = "odometry"
-"""Word with which a log states that its pose was not measured, but computed from the wheel rates."""
+"""Word of a log for a pose that was not measured, but computed from the wheel rates."""
 WHEEL_NAMING = ("duty", "wheel_rate", "steer", "slip")
 """Channels from whose names the names of the wheels are read. The names of other channels, such as torque_sensor, may
 end with a word that is not a wheel."""
@@ -45,7 +44,7 @@ WHOLE = {
 }
 """Channels that exist once for the whole rover, with their units."""
 BY_START = {"rocker_": "rad", "bogie_": "rad", "energy_": "J"}
-"""Beginning of a channel's name -> its unit, for joint angles and energies, of which a rover may have any number."""
+"""Beginning of a channel's name -> its unit, for joint angles and energies. A rover may have any number of them."""
 
 
 @lru_cache(maxsize=4096)

@@ -20,7 +20,7 @@ from rover_pin.simulation.trace.channels import unit_of, wheel_of
 from rover_pin.simulation.trace.trace import Trace
 
 METADATA = b"rover_pin"
-"""Key under which a Parquet file stores the units and attributes of a trace in its metadata."""
+"""Key of the units and attributes of a trace in the metadata of a Parquet file."""
 MAX_READING = 1e36
 """Largest absolute value that a channel may have, in its unit; a larger one is refused as an error in the file. The
 largest usual value, a time in nanoseconds, is near 2e18."""
@@ -62,8 +62,7 @@ def run_from(
     wheels, attrs
         See `read_run`.
     units : mapping of name -> str, optional
-        Units of the columns that differ from the unit in which the channel is usually recorded; these columns are
-        converted.
+        Units of the columns that differ from the channel's usual unit; these columns are converted.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Poses of the rover's wheels and links at the rows of a trace, from which figures and views are drawn."""
+"""Poses of the rover's wheels and links at the rows of a trace, for figures and views."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from rover_pin.terrain.terrain import Terrain
 
 
 class PathExtent(NamedTuple):
-    """Two numbers on the path of a drive: how much the rover turns, and how far it moves sideways. Figures decide by
-    them whether to show the drive from the side or from above.
+    """Two numbers on the path of a drive: the rover's total turn, and its distance sideways. Figures decide by them
+    whether to show the drive from the side or from above.
     """
 
     turn: float
@@ -79,8 +79,8 @@ def configuration(rover: Rover, trace: Trace, row: int, turned: np.ndarray | Non
 
 
 def wheel_angles(trace: Trace, wheels: tuple[str, ...]) -> np.ndarray:
-    """Return the angle by which each wheel has turned since the first row (T, wheels) [rad]; 0 for a wheel whose rate
-    was not recorded.
+    """Return the rotation of each wheel since the first row (T, wheels) [rad]; 0 for a wheel whose rate was not
+    recorded.
     """
     # A gap in the rates counts as standing still.
     dt = np.diff(trace.t, prepend=trace.t[:1])
@@ -106,8 +106,8 @@ def of_side(rover: Rover, side: str) -> list[int]:
 
 
 def around(rover: Rover) -> list[int]:
-    """Return the indices of the wheels in the order in which they stand around the rover: the left side, then the right
-    side in reverse order. Lines through the wheels in this order draw the outline of a rover seen from above.
+    """Return the indices of the wheels in their order around the rover: the left side, then the right side in reverse
+    order. Lines through the wheels in this order draw the outline of a rover seen from above.
     """
     return of_side(rover, "l") + of_side(rover, "r")[::-1]
 

@@ -30,16 +30,16 @@ WHEEL_CHANNELS = {
     "torque": "N m",
     "travel": "m/s",
 }
-"""Channels of a wheel that only a simulator can record, with their units. Each channel is the column with the same name
-in the array `record` of a row."""
+"""Channels of a wheel that only a simulator can record, with their units. Each channel is the column of its name in the
+array `record` of a row."""
 PAYING_EFFECTS: dict[type, type] = {SlipSinkage: SlipSoftening, SkidSinkage: Ploughing}
 """Pairs of effects: class of an effect that lifts a wheel without work if its slip falls -> class of the effect that
 adds this work. A note names the second effect if a model has the first."""
 
 
 def row_type(model: Model) -> np.dtype[Any]:
-    """Return the NumPy type of the rows of a drive. A row consists of these fields, in the order in which
-    `rover_pin_row` in native/row.c writes them:
+    """Return the NumPy type of the rows of a drive. A row consists of these fields, in the order of `rover_pin_row` in
+    native/row.c:
 
     - t: time [s];
     - q, v: configuration and velocity (`DriveState`);
@@ -51,8 +51,7 @@ def row_type(model: Model) -> np.dtype[Any]:
     - mechanical: kinetic and potential energy [J];
     - attitude: roll, pitch (positive: nose down) and yaw of the base [rad];
     - velocity: (3,) velocity of the base in the world [m/s];
-    - moved: (3,) sum of the corrections by which a replay has moved the rover in x, y [m] and heading [rad]; 0 in a
-      drive.
+    - moved: (3,) sum of a replay's corrections of the rover's x, y [m] and heading [rad]; 0 in a drive.
     """
     # C writes a row as consecutive numbers, so that the order of these fields is the layout in native/row.c.
     rover = model.rover

@@ -35,7 +35,7 @@ class Trace(Mapping[str, np.ndarray]):
     attrs : dict, optional
         Plain values that describe the drive: rover, control, traction form, dt_s, gravity_mps2, stop, versions, ...
     end : DriveEnd, optional
-        End of a simulated drive, from which `simulate` continues the drive; it is not written to files.
+        End of a simulated drive; `simulate` can continue the drive from it. It is not written to files.
 
     Raises
     ------
@@ -140,8 +140,8 @@ class Trace(Mapping[str, np.ndarray]):
         """Return the channel of this name of all wheels as one array (T, wheels), for example `stack("slip")`. The
         columns have the order of `wheels`.
 
-        The column of a wheel for which the channel was not recorded is NaN, if the channel was recorded for at least
-        one other wheel.
+        The column of a wheel without this recorded channel is NaN, if the channel was recorded for at least one other
+        wheel.
         """
         suffix = "_A" if name == "current" else ""
         columns = [f"{name}_{wheel}{suffix}" for wheel in self.wheels]
@@ -188,8 +188,8 @@ class Trace(Mapping[str, np.ndarray]):
         return float(residual / scale) if scale > 0.0 else 0.0
 
     def summary(self) -> dict[str, Any]:
-        """Return a few numbers and texts that describe the drive, as name -> value. A number is left out if its
-        channels were not recorded, and gaps in channels are ignored.
+        """Return a few numbers and texts that describe the drive, as name -> value. A number is omitted if its channels
+        were not recorded, and gaps in channels are ignored.
         """
         # Each group of values is left out if its channels are missing.
         short = {"end_time_s": float(self.t[-1]), **self._travel()} if len(self.t) else {}

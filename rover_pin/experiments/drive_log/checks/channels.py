@@ -39,8 +39,8 @@ OPTIONAL = {
 """Channel that a comparison does not need -> the consequence if it is not recorded, and the names of its columns."""
 
 MIN_STUCK_RATIO = 10.0
-"""Minimum length of a stretch of equal values from which a sensor counts as stuck, as a multiple of the usual length of
-such stretches. A coarse converter repeats values too."""
+"""Minimum length of a stretch of equal values of a stuck sensor, as a multiple of the usual length of such stretches. A
+shorter stretch counts as chance. A coarse converter repeats values too."""
 
 MIN_ANGLE_JUMP = 0.05
 """Minimum change of an angle between two samples [rad] that counts as a jump."""
@@ -304,8 +304,8 @@ def outlying_poses(run: RunBlocks, limit: int) -> Remarks:
 def jumps(run: RunBlocks, limit: float) -> Remarks:
     """Yield changes of the tracked pose that are too large for a rover, after single outlying poses have been left out.
 
-    `limit` is the minimum change of an angle [rad] between two samples. The minimum changes of coordinates are those of
-    JUMPS.
+    `limit` is the minimum change of an angle [rad] between two samples. The minimum changes of coordinates are listed
+    in JUMPS.
     """
     trace = without_poses(run.trace, pose_outliers(run.trace))
     rates = np.abs(run.trace.stack("wheel_rate"))
@@ -335,7 +335,7 @@ def jumps(run: RunBlocks, limit: float) -> Remarks:
 
 
 def spikes(run: RunBlocks, limit: float) -> Remarks:
-    """Yield wheel rates with single values larger than `limit` times the 99th percentile of the same wheel's rate."""
+    """Yield wheel rates with single values larger than `limit` times the 99th percentile of that wheel's rate."""
     for name in (f"wheel_rate_{wheel}" for wheel in run.trace.wheels if f"wheel_rate_{wheel}" in run.trace):
         # The 99th percentile is the usual largest rate, which single spikes do not change.
         rate, finite_rates = np.abs(run.trace[name]), np.abs(run.finite(name))

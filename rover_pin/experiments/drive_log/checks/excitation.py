@@ -1,8 +1,8 @@
 """Check whether the runs of a drive log contain enough manoeuvres to distinguish effects, and name the run to add.
 
 The tables DUTY_DRIVEN, RATE_DRIVEN and OF_RUNS have one row for each channel or manoeuvre. Without it, the effects
-named in the row have the same influence on all measured channels. The rows come from trials with a lumped six-wheel
-rover in which 15 effects were hidden in turn.
+named in the row have equal influence on all measured channels. The rows come from trials with a lumped six-wheel rover;
+15 effects were hidden in turn.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -25,14 +25,15 @@ MIN_PAUSE = 5.0
 """Minimum duration of a stop [s] that counts as a pause: a motor cools measurably in this time."""
 
 MIN_DUTY_DIFFERENCE = 0.05
-"""Minimum difference between the duties of two wheels [-] from which the duties count as different."""
+"""Minimum difference between two different duties of two wheels [-]. Duties with a smaller difference count as
+equal."""
 
 MIN_TIME_FRACTION = 0.1
 """Minimum fraction of the driven time that a manoeuvre must take, if the log is to count as containing it."""
 
 MIN_RUNS, MIN_TIME = 2, 20.0
-"""Minimum number of runs, and minimum driven time [s], of a log for which the loop gives an answer. One run is held
-out; 20 s are 40 half-second blocks for about 20 uncertain numbers."""
+"""Minimum number of runs, and minimum driven time [s], of a log. For a smaller log, the loop gives no answer. One run
+is held out; 20 s are 40 half-second blocks for about 20 uncertain numbers."""
 
 
 def excitation_findings(runs: Sequence[RunBlocks], where: str) -> Iterator[Finding]:
@@ -75,8 +76,8 @@ def too_poor(runs: Sequence[RunBlocks]) -> str:
 def levels(runs: Sequence[RunBlocks]) -> np.ndarray:
     """Return the distinct duties at which the wheels are driven (n,), rounded to multiples of SAME_DUTY.
 
-    A duty that occurs in fewer than 1 % of the samples is left out. In a log without duties, the wheel rates are used
-    instead, as fractions of the fastest rate.
+    A duty that occurs in fewer than 1 % of the samples does not count. In a log without duties, the wheel rates are
+    used instead, as fractions of the fastest rate.
     """
     # Only rows with a turning wheel count; a duty at standstill says nothing.
     driven_duties = [
@@ -128,8 +129,7 @@ def has_low_duty(runs: Sequence[RunBlocks]) -> bool:
 
 
 def opposite_fraction(runs: Sequence[RunBlocks]) -> float:
-    """Return the fraction of the steadily driven time in which the rover travels away from its mean direction of
-    travel.
+    """Return the fraction of the steadily driven time of travel away from the mean direction of travel.
 
     A direction counts if its angle to the mean direction is larger than half of OPPOSITE_ANGLE. If all runs go in one
     direction, the fraction is 0.
@@ -155,7 +155,7 @@ def has_reversal(run: RunBlocks) -> bool:
 
 
 def different_duty_fraction(runs: Sequence[RunBlocks]) -> float:
-    """Return the fraction of the steadily driven time in which the duties of the wheels differ by more than
+    """Return the fraction of the steadily driven time with duties of the wheels that differ by more than
     MIN_DUTY_DIFFERENCE.
     """
     ranges = np.concatenate([np.ptp(run.duty[run.steady], axis=1) for run in runs])
@@ -163,7 +163,7 @@ def different_duty_fraction(runs: Sequence[RunBlocks]) -> float:
 
 
 def are_replicates(a: RunBlocks, b: RunBlocks) -> bool:
-    """Return whether one run repeats the other: both have the same duties and start in the same direction."""
+    """Return whether one run repeats the other: both have equal duties and start in one direction."""
     # The shorter run must have at least 80 % of the length of the other one.
     rows = min(len(a.duty), len(b.duty))
     if rows < 0.8 * max(len(a.duty), len(b.duty)) or a.trace.wheels != b.trace.wheels or not rows:
@@ -217,8 +217,8 @@ class ExcitationCheck(NamedTuple):
     statistic: Callable[[Sequence[RunBlocks]], float]
     minimum: float
     consequence: str
-    """text in which {value} stands for the statistic, {degrees} for the statistic as an angle, and {s} for the plural
-    ending"""
+    """text with the placeholders {value} for the statistic, {degrees} for the statistic as an angle, and {s} for the
+    plural ending"""
     remedy: str
 
 

@@ -40,8 +40,8 @@ MOTOR = ("supply", "resistance", "k_t", "gear")
 given."""
 
 MAX_WHEEL_ERROR = 0.02
-"""Maximum relative difference between a declared wheel radius or width and that of the rover's wheel. A larger
-difference is not a rounding error: the smallest wheels have 5 mm, rounded to 0.1 mm."""
+"""Maximum relative difference between a declared wheel radius or width and the radius or width of the rover's wheel. A
+larger difference is not a rounding error: the smallest wheels have 5 mm, rounded to 0.1 mm."""
 
 MAX_NUMBER = 1e12
 """Maximum absolute value of a number in a channel. A larger number is a code of a program for a missing value, because
@@ -49,9 +49,7 @@ no quantity of a rover comes near this number."""
 
 
 class Check(NamedTuple):
-    """A check of one run: a statistic, the limit beyond which the statistic shows a fault, and the remedy of the
-    fault.
-    """
+    """A check of one run: a statistic, its limit (a statistic beyond it shows a fault), and the remedy of the fault."""
 
     statistic: Callable[[RunBlocks, Any], Remarks]
     """function of a run and the limit, which yields pairs (fault, remedy)"""
@@ -98,7 +96,7 @@ REFUSALS: tuple[tuple[Check, ...], ...] = (
     ),
     (Check(motors.currents_off_the_motor, WRONG_RATIO, "give amperes, or leave the currents out"),),
 )  # fmt: skip
-"""Checks whose faults refuse a run, in four stages. Of the first three stages, only the first one with a fault is
+"""Checks whose faults refuse a run, in four stages. Only the first of the first three stages that has a fault is
 reported: speeds can be judged only after the wheels are right, and signs only after the units are right. The last stage
 is always reported."""
 
@@ -144,7 +142,7 @@ def refuse_unfit(log: DriveLog) -> None:
 
 
 def faults(log: DriveLog) -> tuple[Finding, ...]:
-    """Return all faults for which a drive log is refused. A fault that several runs have is one finding.
+    """Return all faults that lead to the refusal of a drive log. A fault that several runs have is one finding.
 
     If the rover or a channel of the log is wrong, only these faults are returned, because the checks of the runs need
     correct channels.
@@ -166,7 +164,7 @@ def faults(log: DriveLog) -> tuple[Finding, ...]:
 def findings(log: DriveLog) -> tuple[Finding, ...]:
     """Return the notes of the data check for the reader: on channels, declared values, runs, and missing manoeuvres.
 
-    A log with notes is fitted nevertheless. `faults` returns the faults for which a log is refused.
+    A log with notes is fitted nevertheless. `faults` returns the faults that lead to a refusal.
     """
     # The same fault in several runs becomes one finding.
     of_data = [*channels.unrecorded_channels(log), *declared_findings(log), *_notes_of_runs(log)]
@@ -283,8 +281,7 @@ def declared_findings(log: DriveLog) -> Iterator[Finding]:
 
 
 def compared_findings(log: DriveLog) -> Iterator[Finding]:
-    """Yield a finding for each run without compared rows, and for each run in which a wheel is on the border of two
-    lanes.
+    """Yield a finding for each run without compared rows, and for each run with a wheel on the border of two lanes.
 
     If no half-second mean of a run is compared, a fit to the other runs cannot be tested on it. If a wheel is on the
     border between two lanes with different heights, the height under this wheel is unknown.

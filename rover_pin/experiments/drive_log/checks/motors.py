@@ -22,8 +22,8 @@ from rover_pin.experiments.drive_log.checks.run_blocks import (
 )
 
 OPPOSITE = -0.5
-"""Correlation about zero below which two channels count as having opposite signs. Channels with the right signs have a
-correlation of nearly 1, and noise has one of about 0."""
+"""If the correlation of two channels about zero is below this value, they count as having opposite signs. Channels with
+the right signs have a correlation of nearly 1, and noise has one of about 0."""
 
 MAX_CHANCE_OF_NOTE = 1e-3
 """Maximum probability that unrelated series have the observed correlation, if the correlation is to give a note.
@@ -34,12 +34,12 @@ MIN_GAIN_RATIO = 4.0
 sign of a current. Otherwise the sign of the duty is used."""
 
 CLEAR_CURRENT = 0.02
-"""Mean absolute current [A] above which the sign of a current is meaningful even if the current is constant. The zero
-of a current sensor drifts by some mA only."""
+"""Minimum mean absolute current [A] of a constant current whose sign is meaningful. The zero of a current sensor drifts
+by some mA only."""
 
 CLEAR_DUTY = 0.15
-"""Absolute duty [-] above which a turning wheel must turn in the direction of its duty. A smaller duty may brake a
-wheel that a slope or the other wheels push."""
+"""If the absolute duty [-] is above this value, a turning wheel must turn in the direction of its duty. A smaller duty
+may brake a wheel that a slope or the other wheels push."""
 
 MIN_STALL_SHARE = 0.1
 """Minimum current that the motor equation predicts, as a fraction of the stall current, if a measured current is to be
@@ -50,23 +50,23 @@ compared with it. At smaller currents, friction and the error of the tachogenera
 def wrong_wheel_signs(run: RunBlocks, limit: float) -> Remarks:
     """Yield the wheel channels of a run whose sign is certainly wrong.
 
-    Duty and wheel rate, current and duty, and wheel rate and travel must have the same sign. `limit` is the correlation
-    about zero (OPPOSITE) below which two channels have opposite signs.
+    Duty and wheel rate, current and duty, and wheel rate and travel must have equal signs. `limit` (OPPOSITE) is the
+    correlation about zero; two channels with a smaller correlation have opposite signs.
     """
     yield from ((what, todo) for what, todo, is_certain in _wheel_signs(run, limit) if is_certain)
 
 
 def doubtful_current_signs(run: RunBlocks, limit: float) -> Remarks:
-    """Yield the currents of a run whose sign is opposite to that of their duty, if chance may explain this.
+    """Yield the currents of a run whose sign is opposite to the sign of their duty, if chance may explain this.
 
-    The loop compares these currents unchanged, so the reader is asked to check them. `limit` is the correlation about
-    zero (OPPOSITE) below which two channels have opposite signs.
+    The loop compares these currents unchanged, so the reader is asked to check them. `limit` (OPPOSITE) is the
+    correlation about zero; two channels with a smaller correlation have opposite signs.
     """
     yield from ((what, todo) for what, todo, is_certain in _wheel_signs(run, limit) if not is_certain)
 
 
 def _wheel_signs(run: RunBlocks, limit: float) -> Iterator[tuple[str, str, bool]]:
-    """Yield (fault, remedy, whether the fault is certain) for each channel whose sign is opposite to that of its
+    """Yield (fault, remedy, whether the fault is certain) for each channel whose sign is opposite to the sign of its
     reference channel.
 
     Two channels have opposite signs if their correlation about zero is below `limit`.
@@ -208,7 +208,7 @@ def currents_off_the_motor(run: RunBlocks, limit: float) -> Remarks:
     `limit`.
 
     Currents in mA or in counts of a converter differ by such a factor. The median ratio over all wheels is compared, in
-    steady blocks in which the motor equation predicts more than MIN_STALL_SHARE of the stall current.
+    steady blocks with a predicted current of more than MIN_STALL_SHARE of the stall current.
     """
     motor = run.declared.whole_motor
     if motor is None or run.trace.rate_driven:
@@ -233,9 +233,7 @@ def currents_off_the_motor(run: RunBlocks, limit: float) -> Remarks:
 
 
 def travel_against_wheels(run: RunBlocks, limit: float) -> Remarks:
-    """Yield the fraction of the driven time in which rims and rover move in opposite directions, if it exceeds
-    `limit`.
-    """
+    """Yield the fraction of the driven time with opposite directions of rims and rover, if it exceeds `limit`."""
     rim, speed = run.rim[run.steady], run.speed[run.steady]
     slower = np.minimum(np.abs(rim), np.abs(speed))
     # Both speeds must be clearly above their noise: otherwise their signs mean nothing.

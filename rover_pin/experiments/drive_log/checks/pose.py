@@ -39,17 +39,17 @@ MAX_ASTRAY = math.radians(75.0)
 occurs (assumed)."""
 
 ALIGNED = 0.9
-"""Minimum length of the mean of unit vectors from which they count as pointing in one direction: their angles then
-scatter by 26 deg. The mean of n random unit vectors reaches the length R with the probability exp(-n R^2) (Rayleigh),
-which must also be below MAX_CHANCE."""
+"""Minimum length of the mean of unit vectors that point in one direction. At this length, their angles scatter by 26
+deg. The mean of n random unit vectors reaches the length R with the probability exp(-n R^2) (Rayleigh), which must also
+be below MAX_CHANCE."""
 
 MAX_FOLLOWING_ERROR = 0.25
 """Maximum RMS angle between course and heading [rad] of a rover that travels in the direction of its heading: 14 deg
 for crabbing and noise."""
 
 MAX_SLOPE_ERROR = 0.3
-"""Maximum relative error of the ratio between changes of the course and changes of the yaw, up to which the yaw counts
-as being in the tested unit. The course is noisy; a yaw in the wrong unit differs by a factor of 57."""
+"""Maximum relative error of the ratio between changes of the course and changes of the yaw. Up to it, the yaw counts as
+being in the tested unit. The course is noisy; a yaw in the wrong unit differs by a factor of 57."""
 
 MIN_CLIMB_SD = math.radians(1.5)
 """Minimum SD of the climb angle [rad] for a comparison with the pitch: several times the noise of a tilt sensor
@@ -65,7 +65,7 @@ With a wrong unit, the ratio is nearly constant. A larger spread is caused by sl
 
 MIN_RATE = 0.02
 """Minimum wheel rate [rad/s] for a comparison of rim speed and travel speed: slower servos turn in steps (assumed). The
-limit is applied in every unit in which the rate may be logged."""
+limit is applied in every possible unit of the logged rate."""
 
 SPEED_UNITS = {
     60.0 / (2.0 * math.pi): ("the wheel rates look like rpm", "give rad/s: multiply them by 2 pi / 60"),
@@ -77,7 +77,7 @@ SPEED_UNITS = {
 """Ratio of rim speed to travel speed without slip that a wrong unit gives -> the unit in words, and the remedy."""
 
 VELOCITY_UNITS = {3.6: "km/h", 100.0: "cm/s", 1000.0: "mm/s"}
-"""Factor -> name of the unit of speed of which this number equals 1 m/s."""
+"""Factor -> name of a unit of speed; this number of the unit equals 1 m/s."""
 
 MAX_VELOCITY_ANGLE = math.radians(60.0)
 """Maximum angle between the reported velocity and the change of the tracked position [rad]: twice the angle of crabbing
@@ -108,9 +108,9 @@ MAX_NOISE_SHARE = 0.001
 by 1 % would still be ten times as large as the noise."""
 
 MIN_SHARED_NOISE = 0.3
-"""Minimum rank correlation between the noise of a pose and the noise of the rims, from which the pose counts as
-computed from the wheels (odometry). On level ground, wheels may slip as evenly as odometry assumes, but a tracker has
-noise of its own. Equal noises give 1, independent noises 0."""
+"""Minimum rank correlation between the noise of a pose and the noise of the rims. From this value on, the pose counts
+as computed from the wheels (odometry). On level ground, wheels may slip as evenly as odometry assumes, but a tracker
+has noise of its own. Equal noises give 1, independent noises 0."""
 
 
 def wrong_heading(run: RunBlocks, limit: float) -> Remarks:
@@ -161,11 +161,12 @@ def _in_degrees(run: RunBlocks, course: np.ndarray, use: np.ndarray) -> bool:
 
 
 def wrong_pitch(run: RunBlocks, limit: float) -> Remarks:
-    """Yield a fault if the pitch has the wrong sign, or changes more than `limit` times as much as the climb angle.
+    """Yield a fault if the pitch has the wrong sign, or if its change is larger than `limit` times the change of the
+    climb angle.
 
     Nose down is positive, so the pitch must decrease when the rover climbs. The climb angle is computed from the
     tracked height and from the declared terrain between the axles. If both are known, both must show that the pitch is
-    wrong, because a rover as long as half a wave of the terrain pitches down where its middle rises.
+    wrong, because a rover whose length is half a wave of the terrain pitches down where its middle rises.
     """
     if "body_pitch" not in run.trace:
         return
@@ -266,8 +267,9 @@ def wrong_speed_units(run: RunBlocks, limit: tuple[float, float]) -> Remarks:
 def wrong_velocity(run: RunBlocks, limit: float) -> Remarks:
     """Yield a fault if the reported velocity differs from the change of the tracked position in size or in direction.
 
-    The sizes may differ by the factor `limit`, and the directions by MAX_VELOCITY_ANGLE. Size and direction are those
-    of the complex factor by which the tracked velocity must be multiplied to give the reported one, by least squares.
+    The sizes may differ by the factor `limit`, and the directions by MAX_VELOCITY_ANGLE. They are the absolute value
+    and the argument of a complex factor. The tracked velocity times this factor fits the reported velocity, by least
+    squares.
     """
     if "body_vx" not in run.trace or "body_vy" not in run.trace:
         return
@@ -340,9 +342,7 @@ def far_places(run: RunBlocks, limit: float) -> Remarks:
 
 
 def beyond_the_ground(run: RunBlocks, limit: float) -> Remarks:
-    """Yield the distance by which the rover drives beyond the border of the declared terrain, if it exceeds `limit`
-    [m].
-    """
+    """Yield the rover's largest distance beyond the border of the declared terrain, if it exceeds `limit` [m]."""
     if run.declared.terrain is None:
         return
     # Beyond its borders, the terrain is continued, but its height there is not declared.

@@ -1,4 +1,4 @@
-"""Means of a logged run over blocks of about one second, and statistics by which the checks of a drive log compare
+"""Means of a logged run over blocks of about one second, and the statistics that the checks of a drive log compute from
 them.
 
 `RunBlocks` holds one run with the duties, wheel rates, tracked speed and slip of each block. The functions below the
@@ -37,9 +37,9 @@ mA and converter counts by far more; a ratio of height to distance of 3 is a slo
 only a little faster than its motor without load (assumed)."""
 
 MIN_ROLLING = 0.3
-"""Minimum ratio of the mean rim speed to the mean absolute rim speed, from which the rover counts as driving ahead or
-back. At a lower ratio, left and right wheels turn against each other, and the rover turns on the spot. A turn about one
-of the wheels gives 0.5 (assumed)."""
+"""Minimum ratio of the mean rim speed to the mean absolute rim speed. From this value on, the rover counts as driving
+ahead or back. At a lower ratio, left and right wheels turn against each other, and the rover turns on the spot. A turn
+about one of the wheels gives 0.5 (assumed)."""
 
 MAX_CHANCE = 1e-5
 """Maximum probability that unrelated series have the observed correlation, if the correlation of a wheel's channel is
@@ -55,7 +55,7 @@ class DeclaredFacts(NamedTuple):
     motor: Motor | None = None
     """the motor, if its supply voltage and resistance are declared"""
     whole_motor: Motor | None = None
-    """the motor, if all numbers are declared from which its current is computed"""
+    """the motor, if all numbers for the computation of its current are declared"""
     terrain: Terrain | None = None
     "the terrain, if one terrain is declared for all runs"
     length: float = 0.0
@@ -73,7 +73,7 @@ class RunBlocks:
     Parameters
     ----------
     trace : Trace
-        The run as it was read, in SI units.
+        The run in SI units, unchanged after reading.
     radius : float
         Radius of the wheels [m].
     declared : DeclaredFacts
@@ -101,7 +101,7 @@ class RunBlocks:
 
     @cached_property
     def block(self) -> np.ndarray:
-        """Index of the block to which each sample belongs (rows,)."""
+        """Index of each sample's block (rows,)."""
         t = self.trace.t
         return np.floor((t - t[0]) / self.length).astype(int) if len(t) else np.zeros(0, dtype=int)
 
@@ -164,7 +164,7 @@ class RunBlocks:
 
     @property
     def still(self) -> float:
-        """Wheel rate [rad/s] below which a wheel counts as not turning."""
+        """Minimum wheel rate [rad/s] of a turning wheel."""
         return min(SLOW, SLOW_SHARE * self.fastest) if self.trace.rate_driven else SLOW
 
     @cached_property
@@ -213,12 +213,12 @@ class RunBlocks:
 
     @cached_property
     def moving(self) -> np.ndarray:
-        """Mask of the blocks in which at least one wheel turns (blocks,)."""
+        """Mask of the blocks with at least one turning wheel (blocks,)."""
         return np.any(np.abs(np.where(np.isfinite(self.rate), self.rate, 0.0)) > self.still, axis=1)
 
     @cached_property
     def steady(self) -> np.ndarray:
-        """Mask of the blocks in which the rover drives ahead or back and its duty keeps its sign (blocks,).
+        """Mask of the blocks with a rover that drives ahead or back and with a duty that keeps its sign (blocks,).
 
         The first block is never steady. A turn on the spot is not steady either, because the mean rim speed is then not
         the speed of the rover.
@@ -230,7 +230,7 @@ class RunBlocks:
 
     @property
     def moving_time(self) -> float:
-        """Time for which at least one wheel turns [s]."""
+        """Total time with at least one turning wheel [s]."""
         return float(np.sum(self.moving[self.block])) * self.period
 
     @property
@@ -238,7 +238,7 @@ class RunBlocks:
         """Slip ratio S in each steady block (blocks,), from mean rim speed and tracked speed.
 
         S is defined by Eq (1) of the paper, the ratio of the difference between rim speed and travel speed to the
-        larger of both. Blocks in which both speeds are nearly zero are left out, because their slip is noise.
+        larger of both. Blocks with two speeds of nearly zero are omitted, because their slip is noise.
         """
         rim, speed = self.rim[self.steady], self.speed[self.steady]
         greatest = np.maximum(np.abs(rim), np.abs(speed))
@@ -256,8 +256,8 @@ def is_significant(correlation: float, count: float, max_chance: float = MAX_CHA
     count : float
         Number of independent samples in the series, from `independent_blocks`.
     max_chance : float
-        Limit of the probability with which unrelated series reach this correlation. The correlation is significant if
-        its probability is lower.
+        Limit of the probability that unrelated series reach this correlation. The correlation is significant if its
+        probability is lower.
     """
     if count <= 2.5:
         return False
