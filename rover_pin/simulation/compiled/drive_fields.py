@@ -207,7 +207,7 @@ def _springs(rover: Rover, strength: float, pushed: bool) -> dict[str, Any]:
 
 
 def model_with_armature(rover: Rover, armature: float) -> pin.Model:
-    """Return a copy of a rover's Pinocchio model with a motor's rotor of the inertia `armature` [kg m^2] at each wheel."""
+    """Return a copy of a rover's Pinocchio model with a rotor of the inertia `armature` [kg m^2] at each wheel."""
     copy = rover.model.copy()
     on_joints = np.array(copy.armature)
     for wheel in rover.wheels:
