@@ -14,8 +14,8 @@ from scipy.optimize import minimize
 def mean(inputs: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Return the mean of the measured `values` (n,) as the prediction for each of the m points `at` (m, inputs).
 
-    This is the simplest curve that a physical model has to beat. `inputs` (n, inputs) are not used; they stand here
-    because all curves are called with the same arguments.
+    This is the simplest curve that a physical model has to beat. `inputs` (n, inputs) are not used; all curves are
+    called with these arguments.
     """
     return np.full(len(at), values.mean())
 
@@ -56,7 +56,7 @@ def missed_by_process(inputs: np.ndarray, values: np.ndarray, fold: np.ndarray) 
     folds.
 
     `inputs` (n, inputs) are the coordinates of the points, `values` (n,) the measured values, and `fold` (n,) the index
-    of the fold of each point. A fold is a group of points that are left out together. No process has to be fitted again
+    of the fold of each point. A fold is a group of points that are held out together. No process has to be fitted again
     for a fold: with the covariance matrix K of all points, and the values y minus the mean of the other folds, the
     residuals of fold f are r_f = (K^-1)_ff^-1 (K^-1 y)_f. The length scales are estimated once, from all points.
     Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), section 5.4.2.
@@ -77,7 +77,7 @@ def missed_by_process(inputs: np.ndarray, values: np.ndarray, fold: np.ndarray) 
 def _kernel(x: np.ndarray, z: np.ndarray, log: np.ndarray) -> np.ndarray:
     """Return the squared-exponential kernel (n, m) between the points x (n, inputs) and z (m, inputs).
 
-    `log` (2 + inputs,) holds logarithms: of the kernel's height, of the SD of the noise (not used here), and of the
+    `log` (2 + inputs,) holds the logarithms of the kernel's height, of the SD of the noise (not used here), and of the
     length scale of each input.
     """
     distance = ((x[:, None] - z[None]) / np.exp(log[2:])) ** 2
@@ -120,7 +120,7 @@ class Baseline(NamedTuple):
     curve: str
     error: float
     given: str = "what was set"
-    """quantities from which the curve predicts, in words, such as "what was set" (the set inputs of the test)"""
+    """inputs of the curve in words, such as "what was set" (the set inputs of the test)"""
     by_fold: tuple[float, ...] = ()
     """RMSE of each fold (group of samples left out together), in the channel's unit; NaN for a fold without measured
     values"""
@@ -130,14 +130,14 @@ def curves(observed: np.ndarray, inputs: np.ndarray, channels: Sequence[tuple[st
     """Return the held-out error of each curve without physics (mean, quadratic, Gaussian process) in each channel.
 
     Each fold (group of samples left out together) is predicted by a curve that was fitted to all other folds. Measured
-    values that are NaN are left out.
+    values that are NaN are omitted.
 
     Parameters
     ----------
     observed : array (folds, channels, samples)
         Measured values.
     inputs : array (folds, samples, inputs)
-        Quantities from which the curves predict, such as set slip and load, at each sample.
+        Inputs of the curves, such as set slip and load, at each sample.
     channels : sequence of (name, unit)
         Name and unit of each channel.
     """

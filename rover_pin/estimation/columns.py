@@ -9,7 +9,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 MIN_IDENTIFIABLE_SHARE = 1e-3
-"""Ratio of a singular value to the largest one, below which its direction in the space of the columns is left out.
+"""Minimum ratio of a singular value to the largest one. Below it, the direction of the singular value in the space of
+the columns is dropped.
 
 The size of such a direction would be mostly rounding noise. 1e-3 is far above the rounding of derivatives by finite
 differences, and far below every direction that data determine."""
@@ -19,8 +20,8 @@ class Columns(NamedTuple):
     """A linear function that changes n whitened residuals by C v, where C (n, k) are its columns and v are k
     coefficients.
 
-    If each run has its own coefficients, those of a run change only the residuals of this run. The whole matrix then
-    has k columns for each run, and is block-diagonal.
+    If each run has its own coefficients, they change only the residuals of this run. The whole matrix then has k
+    columns for each run, and is block-diagonal.
     """
 
     values: np.ndarray

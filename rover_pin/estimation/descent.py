@@ -1,9 +1,9 @@
 """Levenberg-Marquardt descent with a trust radius and with bounds of the parameters, which every fit uses.
 
 The derivatives of the prediction may be exact, or may be reused from an earlier point. With an exact Jacobian the
-descent reaches the same minimum as `scipy.optimize.least_squares` from the same starts, with fewer evaluations of the
-model (tests/estimation/test_descent.py). In this module, u are the parameters in units of their prior SD, and rows are
-the residuals whose squares are summed to chi2. The predicted decrease of a step is the decrease of chi2 that the linear
+descent reaches the minimum of `scipy.optimize.least_squares` from equal starts, with fewer evaluations of the model
+(tests/estimation/test_descent.py). In this module, u are the parameters in units of their prior SD, and rows are the
+residuals whose squares are summed to chi2. The predicted decrease of a step is the decrease of chi2 that the linear
 model around the present point predicts for this step.
 """
 
@@ -19,8 +19,8 @@ MAX_STEPS = 400
 OptimisationError: a descent that takes 400 steps is assumed not to converge."""
 
 MIN_FALL = 1e-6
-"""Decrease of chi2 predicted for a full Newton step, below which the descent ends. The value is far below the
-differences of chi2 that matter (about 0.1), so that the end is a minimum for every purpose."""
+"""Minimum predicted decrease of chi2 by a full Newton step. With a smaller one, the descent ends. The value is far
+below the differences of chi2 that matter (about 0.1), so that the end is a minimum for every purpose."""
 
 MAX_IDLE_STEPS = 3
 """Number of useless steps in a row after which the descent ends.
@@ -29,18 +29,18 @@ A step is useless if it lowers chi2 by less than `gain` (an argument of `descend
 decrease of less than `gain`. After one useless step, a better one may follow; after three, rounding dominates."""
 
 MIN_RADIUS = 1e-10
-"""Trust radius in u below which the descent ends. Shorter steps change a parameter by less than 1e-10 prior SDs, which
-is rounding."""
+"""Minimum trust radius in u. With a smaller one, the descent ends. Shorter steps change a parameter by less than 1e-10
+prior SDs, which is rounding."""
 
 MIN_SHARE_OF_PROMISE = 0.5
-"""Ratio of the actual to the predicted decrease of chi2 in a step, below which reused derivatives count as wrong and
-are computed again. The value is assumed."""
+"""Minimum ratio of the actual to the predicted decrease of chi2 in a step. Below it, reused derivatives count as wrong
+and are computed again. The value is assumed."""
 
 
 class Point(NamedTuple):
     """A point of a descent: the parameters u, the residuals there (rows), and their Jacobian by u.
 
-    `predicted` and `slopes` are the prediction and its derivatives by u, from which rows and Jacobian were computed.
+    `predicted` and `slopes` are the prediction and its derivatives by u, which rows and Jacobian were computed from.
     Shapes: u (parameters,), rows (n,), jacobian (n, parameters); the shapes of `predicted` and `slopes` depend on the
     problem.
     """
@@ -195,8 +195,8 @@ def _damped_step(jacobian: np.ndarray, residual: np.ndarray, radius: float) -> t
     """Return the Levenberg-Marquardt step -(J^T J + d)^-1 J^T r for the Jacobian J and the residual r, and whether d is
     0.
 
-    The damping d is the smallest one with which the step is at most 1 % longer than `radius`. With d = 0 the step is
-    the full Newton step.
+    The damping d is the smallest one that makes the step at most 1 % longer than `radius`. With d = 0 the step is the
+    full Newton step.
     """
     # Singular values of rounding are raised, so that a parameter without any slope gets a finite step.
     U, values, directions = np.linalg.svd(jacobian, full_matrices=False)

@@ -38,9 +38,9 @@ class Experiment(ABC):
 
     `channels` and `folds` are names. `observed` holds the measured values, NaN for values that are not compared. A fold
     is a group of samples that cross-validation leaves out together, such as a run, a slip level or a load step. A
-    campaign is a group of folds measured with the same set-up. A model is any object with a method `having(effect)`,
-    which returns the model with the effect added. A parameter has a name `owner.quantity`, such as `soil.k`: `owner` is
-    the key in `records` of the part of the model that holds the parameter.
+    campaign is a group of folds measured with one set-up. A model is any object with a method `having(effect)`, which
+    returns the model with the effect added. A parameter has a name `owner.quantity`, such as `soil.k`: `owner` is the
+    key in `records` of the part of the model that holds the parameter.
     """
 
     name: str = "experiment"
@@ -80,8 +80,8 @@ class Experiment(ABC):
     def predict_near(self, models: Sequence[Any]) -> np.ndarray:
         """Return the predictions of models that are all close to the first model, for finite differences between them.
 
-        An implementation may be faster and less accurate than `predict`, as long as the differences between the models
-        are accurate enough.
+        An implementation may be faster and less accurate than `predict`, if the differences between the models are
+        accurate enough.
         """
         return self.predict(models)
 
@@ -93,7 +93,7 @@ class Experiment(ABC):
 
     @abstractmethod
     def replace_record(self, model: Any, owner: str, record: Any) -> Any:
-        """Return the model in which the part called `owner` is replaced by `record`."""
+        """Return the model with `record` in place of the part called `owner`."""
 
     def unit(self, channel: str) -> str:
         """Return the unit of a channel."""
@@ -111,9 +111,7 @@ class Experiment(ABC):
         return float(getattr(record, quantity))
 
     def with_values(self, model: Any, values: dict[str, float]) -> Any:
-        """Return the model in which some parameters have new values [SI]; `values` maps `owner.quantity` to
-        the value.
-        """
+        """Return the model with new values [SI] of some parameters; `values` maps `owner.quantity` to the value."""
         for name, value in values.items():
             record, quantity, _ = find(self.records(model), name)
             model = self.replace_record(model, name.rpartition(".")[0], record.replace(**{quantity: value}))
@@ -171,8 +169,8 @@ class Experiment(ABC):
 
     @property
     def campaigns(self) -> np.ndarray:
-        """Index of the campaign of each fold (folds,). A campaign is a group of folds measured with the same set-up.
-        The noise, and the smooth discrepancy between model and data, are estimated for each campaign separately.
+        """Index of the campaign of each fold (folds,). A campaign is a group of folds measured with one set-up. The
+        noise, and the smooth discrepancy between model and data, are estimated for each campaign separately.
         """
         return np.zeros(len(self.folds), dtype=int)
 
@@ -262,7 +260,7 @@ ADDITIVITY_TOLERANCE = 0.1
 All parameters are changed together and one by one. If the joint change of the prediction differs from the sum of the
 single changes by more than this fraction of that sum, plus the steps of all parameters, the prediction counts as
 jumping. The steps are added, because a curved prediction deviates in proportion to the steps. The value is assumed: it
-lies between the deviation of a curve and that of a jump, which changes by about the same amount for any step."""
+lies between the deviation of a curve and the deviation of a jump, whose change does not depend on the step."""
 
 
 def model_at(experiment: Experiment, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Any:
@@ -277,9 +275,9 @@ def slopes_at(experiment: Experiment, model: Any, parameters: Sequence[Parameter
     samples).
 
     The derivatives are exact if the experiment has exact ones; otherwise they are one-sided finite differences. A
-    finite difference is set to 0 for samples whose prediction jumps, for example those of a wheel that just stops. The
-    test for a jump: a double step of all parameters together changes a smooth prediction by twice the sum of the single
-    changes, within a tolerance (ADDITIVITY_TOLERANCE).
+    finite difference is set to 0 for samples whose prediction jumps, for example samples of a wheel that just stops.
+    The test for a jump: a double step of all parameters together changes a smooth prediction by twice the sum of the
+    single changes, within a tolerance (ADDITIVITY_TOLERANCE).
     """
     if isinstance(experiment, Differentiable):
         return experiment.sensitivities(model, parameters, u).slopes

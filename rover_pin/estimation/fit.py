@@ -21,8 +21,8 @@ STRETCH_BLOCKS = 8
 correlated; residuals of different stretches are treated as independent. In a drive log, 8 samples are 4 s, twice the
 correlation time of the terrain along the path."""
 MIN_RUNS = 4
-"""Minimum number of runs for which the SD of a parameter is also estimated from the scatter between runs. With fewer
-runs, Student's t is so wide that the interval would exceed the allowed range of most parameters."""
+"""Minimum number of runs for an estimate of a parameter's SD from the scatter between runs. With fewer runs, Student's
+t is so wide that the interval would exceed the allowed range of most parameters."""
 MIN_EIGENVALUE = 1e-13
 """Smallest allowed eigenvalue of a normal matrix (J^T W J + priors) that is scaled to a unit diagonal.
 
@@ -59,9 +59,9 @@ class Fit:
 
     @property
     def missed(self) -> np.ndarray:
-        """Residuals for reports (folds, channels, samples), in which a sample without a prediction is NaN.
+        """Residuals for reports (folds, channels, samples). A sample without a prediction is NaN.
 
-        The fit itself uses the experiment's stand-in value for such a sample.
+        The fit itself uses the experiment's substitute value for such a sample.
         """
         return np.where(np.abs(self.predicted) == self.task.experiment.stand_in, np.nan, self.residual)
 
@@ -110,16 +110,16 @@ class Fit:
 
     @cached_property
     def spread(self) -> np.ndarray:
-        """SD of each parameter u (parameters,), from which its interval is computed: the largest of three estimates,
+        """SD of each parameter u (parameters,) for the computation of its interval: the largest of three estimates,
         from the noise model, from the scatter between stretches of runs, and from the scatter between runs.
 
-        The SD from the noise model is that of `covariance`, raised by the inflation of the noise and by a misfit above
-        1. The SDs from stretches (STRETCH_BLOCKS successive samples) and from runs are the square roots of the sandwich
-        H (sum g g^T) H, with H the covariance and g the gradient of chi2 / 2 of one stretch or run. These two SDs also
-        hold for correlations that the noise model does not have, for example for sand that is prepared anew for each
-        run. A few runs determine their scatter poorly, so that their SD is widened by the ratio of Student's t to the
-        normal law. Source: White, Econometrica 48 (1980); Liang and Zeger, Biometrika 73 (1986); Donald and Lang, Rev.
-        Econ. Stat. 89 (2007) 221, for t with the number of runs minus one as degrees of freedom.
+        The SD from the noise model is the SD of `covariance`, raised by the inflation of the noise and by a misfit
+        above 1. The SDs from stretches (STRETCH_BLOCKS successive samples) and from runs are the square roots of the
+        sandwich H (sum g g^T) H, with H the covariance and g the gradient of chi2 / 2 of one stretch or run. These two
+        SDs also hold for correlations that the noise model does not have, for example for sand that is prepared anew
+        for each run. A few runs determine their scatter poorly, so that their SD is widened by the ratio of Student's t
+        to the normal law. Source: White, Econometrica 48 (1980); Liang and Zeger, Biometrika 73 (1986); Donald and
+        Lang, Rev. Econ. Stat. 89 (2007) 221, for t with the number of runs minus one as degrees of freedom.
         """
         # The model of the noise may be wrong, so that three estimates of the variance compete and the largest counts.
         plain = np.diag(self.covariance) * self.task.noise.inflation * max(self.misfit, 1.0)
@@ -147,8 +147,7 @@ class Fit:
         """Return the variance of each parameter u (parameters,) for residuals that are correlated within clusters, such
         as runs.
 
-        `owner` holds the index of the cluster to which each sample belongs; its shape broadcasts to (folds, channels,
-        samples).
+        `owner` holds the index of each sample's cluster; its shape broadcasts to (folds, channels, samples).
         """
         good, rows = self.task.noise.good, self.rows
         row_owner = np.broadcast_to(owner, good.shape)[good]
@@ -219,7 +218,7 @@ def fit(
     start : array (parameters,), optional
         Start values of u; by default the means of the priors.
     slopes : mapping, optional
-        Known derivatives d predicted / d u by the name of the parameter, with which the fit starts.
+        Known derivatives d predicted / d u by the name of the parameter, for the start of the fit.
     reuse : bool
         Whether the given derivatives are kept during the whole fit; only derivatives that were not given may then be
         computed again.
@@ -260,6 +259,6 @@ def fit(
 def again(base: Fit, reuse: bool = False, stale: bool = False) -> Fit:
     """Continue a fit from its present parameters, for example after a change of its noise, and return the new fit.
 
-    `reuse` and `stale` have the same meaning as in `fit`.
+    `reuse` and `stale` have the meaning of the arguments of `fit`.
     """
     return fit(base.task, base.model, base.parameters, base.u, base.slopes, reuse, stale)

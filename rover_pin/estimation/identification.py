@@ -18,7 +18,7 @@ from rover_pin.estimation.wording import format_value
 
 MAX_LISTED_NUMBERS = 10
 """Maximum number of parameters of one part of the model (such as a motor) that a report lists one by one, if the data
-do not improve them. Of a part with more such parameters, the report states only the number, because a table or a motor
+do not improve them. If a part has more such parameters, the report states only their number, because a table or a motor
 would fill the page with values that are known already."""
 
 
@@ -86,8 +86,8 @@ class Estimate(NamedTuple):
 def variance_shares(covariance: np.ndarray) -> np.ndarray:
     """Return the fraction of each parameter's variance (row) that comes from the prior of each parameter (column).
 
-    `covariance` C (parameters, parameters) is that of the parameters u in units of their prior SDs: C = (J' W J +
-    1)^-1, with the derivatives J of the whitened residuals and their weights W. An error e of the prior mean of
+    `covariance` C (parameters, parameters) is the covariance of the parameters u in units of their prior SDs: C = (J' W
+    J + 1)^-1, with the derivatives J of the whitened residuals and their weights W. An error e of the prior mean of
     parameter j moves u_i by C_ij e, so that the fraction of prior j in the variance of parameter i is C_ij^2 / C_ii.
     The fraction of the data is 1 minus the sum of the row.
     """
@@ -126,7 +126,7 @@ class Identification:
     held: Mapping[str, float]
     """constants of the wheel and the soil that were held at their declared values, not fitted [SI], by name"""
     elsewhere: tuple[Any, ...] = ()
-    """comparisons of fitted constants with independent measurements of the same constants"""
+    """comparisons of fitted constants with independent measurements of these constants"""
     correlation: np.ndarray = field(default_factory=lambda: np.eye(0), repr=False)
     """correlation matrix of the estimates (parameters, parameters), in the order of `estimates`"""
 

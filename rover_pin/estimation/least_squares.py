@@ -17,7 +17,7 @@ from rover_pin.estimation.residual import HUBER_THRESHOLD, huber_losses, residua
 @brief
 @dataclass(frozen=True, eq=False)
 class Task:
-    """An experiment together with the noise of its measured values. Both stay the same while models are compared."""
+    """An experiment together with the noise of its measured values. Both do not change while models are compared."""
 
     experiment: Experiment
     noise: Noise
@@ -37,7 +37,7 @@ class Task:
 
 
 MIN_PROMISED_FALL = 0.3
-"""Decrease of chi2 predicted for the next step, below which a fit with finite differences ends.
+"""Minimum predicted decrease of chi2 by the next step. With a smaller one, a fit with finite differences ends.
 
 The fit takes this last step without predicting again; it changes the prediction by the derivatives instead. A change of
 chi2 by 0.3 is a sixth of a nat, too little to change an answer, while another prediction of a drive log takes seconds
@@ -83,9 +83,9 @@ class LeastSquares(Problem):
     def _point(self, u: np.ndarray, predicted: np.ndarray, slopes: np.ndarray, columns: np.ndarray) -> Point:
         """Return a point of the descent (rows and Jacobian) from a prediction at u.
 
-        `slopes` are the derivatives of the prediction by u, and `columns` those of the whitened residuals. For a
-        residual beyond HUBER_THRESHOLD, the row is the square root of Huber's loss with the sign of the residual, so
-        that the sum of the squared rows is the robust chi2.
+        `slopes` are the derivatives of the prediction by u, and `columns` the derivatives of the whitened residuals.
+        For a residual beyond HUBER_THRESHOLD, the row is the square root of Huber's loss with the sign of the residual,
+        so that the sum of the squared rows is the robust chi2.
         """
         # Huber's loss is written as the square of a row, because the descent minimises a sum of squares. The derivative
         # of the row follows by the chain rule.
@@ -102,9 +102,9 @@ class LeastSquares(Problem):
 class WithDifferences(LeastSquares):
     """The least-squares problem of a fit whose derivatives of the prediction are finite differences.
 
-    Finite differences are expensive, so that they are reused as long as they are good enough. The fit starts with the
-    derivatives `known_slopes` (by name of the parameter). If `reuse` is True, only derivatives that were not given may
-    be computed again. If `stale` is True, the derivatives are computed again at least once before the fit ends.
+    Finite differences are expensive, so that they are reused until they are no longer good enough. The fit starts with
+    the derivatives `known_slopes` (by name of the parameter). If `reuse` is True, only derivatives that were not given
+    may be computed again. If `stale` is True, the derivatives are computed again at least once before the fit ends.
     """
 
     def __init__(

@@ -13,7 +13,7 @@ from rover_pin.base.public import brief
 from rover_pin.estimation.random_effects.random_field import RandomEffectsFilter
 
 CORRELATION_SHRINKAGE = 0.2
-"""Fraction by which the estimated correlations between the noise of different channels are reduced towards 0. A few
+"""Reduction of the estimated correlations between the noise of different channels towards 0, as a fraction. A few
 blocks cannot determine the correlations of a dozen channels, and a wrong correlation gives single combinations of
 channels too much weight (assumed)."""
 MAX_MEMORY = 0.95
@@ -46,15 +46,15 @@ class Noise:
     rho: np.ndarray
     """correlation of the noise in successive blocks (channels,)"""
     mixing: np.ndarray = field(repr=False)
-    """inverse of the matrix L that describes the correlations between channels (channels, channels), with which
-    residuals are whitened"""
+    """inverse of the matrix L that describes the correlations between channels (channels, channels), for whitening
+    residuals"""
     good: np.ndarray = field(repr=False)
     """mask of the compared samples (folds, channels, samples)"""
     inflation: float = LEARNT_NOISE_INFLATION
-    """factor by which variances, and decreases of chi2 by chance, are larger than for white noise; 1 for declared white
+    """ratio of variances, and of decreases of chi2 by chance, to their values for white noise; 1 for declared white
     noise"""
     least: np.ndarray | float = field(default=0.0, repr=False)
-    """minimum SD (channels,) to which estimated noise was raised, for example the error of a replay"""
+    """minimum SD (channels,) of estimated noise, for example the error of a replay"""
     random_effects: RandomEffectsFilter | None = None
     """random differences between runs in addition to the noise, for example of the terrain"""
 
@@ -113,7 +113,7 @@ def innovations(residual: np.ndarray, good: np.ndarray, rho: np.ndarray) -> np.n
 
     For block b this innovation is r_b - rho r_(b-1), or sqrt(1 - rho^2) r_b if block b - 1 is missing, where rho
     (channels,) is the correlation of the noise in successive blocks. Both expressions have the variance sd^2 (1 -
-    rho^2), so that a block after a gap counts as much as every other block. `residual` and `good` have the shape
+    rho^2), so that a block after a gap has the weight of every other block. `residual` and `good` have the shape
     (folds, channels, samples); `good` marks the compared samples.
     """
     before = np.zeros_like(residual)
@@ -239,9 +239,9 @@ def spread(values: np.ndarray) -> float:
 
 
 def correlation(first: np.ndarray, second: np.ndarray) -> float:
-    """Return the correlation of two series of samples; samples at which one of them is not finite are left out.
+    """Return the correlation of two series of samples; samples with a value that is not finite are omitted.
 
-    The result is 0 if fewer than three samples are left, or if a series is constant.
+    The result is 0 if fewer than three samples remain, or if a series is constant.
     """
     both = np.isfinite(first) & np.isfinite(second)
     a, b = first[both], second[both]

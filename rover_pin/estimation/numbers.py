@@ -20,7 +20,7 @@ PROFILE_POINTS = (-1.5, -1.0, -0.5, 0.5, 1.0, 1.5)
 """Points at which a profile of chi2 is computed: distances from the optimum, in units of half the width of the 95 %
 interval. Points at 1 lie at the ends of the interval, and those at 1.5 show whether chi2 keeps rising."""
 BOUND_TOLERANCE = 1e-6
-"""Distance from a bound (in u) below which a parameter counts as at its bound; it only covers rounding."""
+"""Maximum distance from a bound (in u) of a parameter that counts as at its bound; it only covers rounding."""
 
 
 class Number(NamedTuple):
@@ -81,8 +81,8 @@ class Number(NamedTuple):
 
 
 def assumed_lines(numbers: Sequence[Number]) -> list[str]:
-    """Return texts that list the assumed priors of parameters, one text for each source; declared priors
-    are left out.
+    """Return texts that list the assumed priors of parameters, one text for each source; declared priors are not
+    listed.
     """
     by_source: dict[str, list[str]] = {}
     for number in numbers:
@@ -137,8 +137,8 @@ def _rise(fitted: Fit, at: int, u: float, direction: np.ndarray) -> float:
     again.
 
     `at` is the index of the held parameter. `direction` (parameters,) is the change of all parameters per unit change
-    of the held parameter in the linear model, from which the refit starts. The result is divided by the noise's
-    inflation and by a misfit above 1; it is NaN if the refit does not converge.
+    of the held parameter in the linear model. The refit starts from it. The result is divided by the noise's inflation
+    and by a misfit above 1; it is NaN if the refit does not converge.
     """
     parameter = fitted.parameters[at]
     # The refit starts where the linear model expects the minimum of the other parameters.

@@ -7,15 +7,15 @@ from typing import NamedTuple
 from scipy.special import ndtri
 
 CONFIDENCE = 0.95
-"""Probability above which a statement counts as certain: an answer of the loop, the coverage of an interval, the
+"""Minimum probability of a statement that counts as certain: an answer of the loop, the coverage of an interval, the
 significance of a decrease of chi2. Below this probability, a report lists several possibilities. The value is the
 custom of the field, and the package uses it everywhere."""
 MAJORITY = 0.5
 """Limit of one half: a statement with a larger probability is more likely true than not, and a larger fraction is the
 main part."""
 CLEAR_SDS = 3.0
-"""Deviation in SDs above which a difference counts as more than chance. A normally distributed value deviates by more
-than 3 SD once in 370 cases; the limit is the custom of the field."""
+"""Minimum deviation in SDs of a difference that counts as more than chance. A normally distributed value deviates by
+more than 3 SD once in 370 cases; the limit is the custom of the field."""
 NORMAL_95 = float(ndtri(0.5 + 0.5 * CONFIDENCE))
 """Half the width of the 95 % interval of a normal distribution, in SDs: 1.96. Its square, 3.84, is the rise of chi2 at
 the ends of such an interval."""

@@ -1,7 +1,7 @@
 """The residual, measured minus predicted, and the robust chi-square (chi2) that every fit minimises.
 
 All fits, tests of significance, tables and plots use these definitions, so that the sign of a residual and the weight
-of an outlier are the same in the whole package.
+of an outlier have one definition in the whole package.
 """
 
 import math
@@ -14,7 +14,7 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import CONFIDENCE
 
 HUBER_THRESHOLD = 4.0
-"""Size of a whitened residual [SD] above which its loss grows linearly instead of with the square (Huber's loss).
+"""Largest whitened residual [SD] with a quadratic loss. Beyond it, the loss grows linearly (Huber's loss).
 
 Without this limit, an outlier could dominate a fit. White noise exceeds 4 SD once in 16,000 samples, so that an
 ordinary sample keeps its full weight."""
@@ -26,7 +26,7 @@ def residual(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     measured, predicted : array
-        Arrays of the same shape, usually (folds, channels, samples), in the unit of each channel. NaN stays NaN.
+        Arrays of equal shape, usually (folds, channels, samples), in the unit of each channel. NaN stays NaN.
 
     Examples
     --------
@@ -53,7 +53,7 @@ def huber_losses(rows: Any) -> np.ndarray:
 
 
 def huber(rows: Any) -> float:
-    """Return the sum of Huber's losses of whitened residuals: the sum of squares in which outliers count less."""
+    """Return the sum of Huber's losses of whitened residuals: a sum of squares with less weight for outliers."""
     return float(np.sum(huber_losses(rows)))
 
 
@@ -75,7 +75,7 @@ def chi2(rows: np.ndarray, u: np.ndarray, parameters: Sequence[Parameter]) -> fl
 
 
 def null_gain(count: int) -> float:
-    """Return the decrease of chi2 above which the best of `count` candidate causes is significant.
+    """Return the minimum decrease of chi2 by the best of `count` candidate causes that is significant.
 
     If no candidate acts at all, the best one exceeds this decrease with a probability of at most 1 - CONFIDENCE.
     Derivation: a candidate with two free parameters that does not act lowers chi2 by more than g with the probability

@@ -1,4 +1,4 @@
-"""Texts for parameters, intervals and changes of an error, the same in all summaries, tables, cautions and figures."""
+"""Texts for parameters, intervals and changes of an error, common to all summaries, tables, cautions and figures."""
 
 import math
 import re
@@ -10,10 +10,10 @@ MAX_NOISE_RATIO = 1.5
 """Largest ratio of a residual to the stated noise at which a report still calls the residual noise. Ratios above 1 are
 accepted, because test rigs scatter in addition to their sensors (assumed)."""
 FLOOR_RATIO = 1.25
-"""Ratio of an error to the noise, below which a report claims no improvement of this error, because the error cannot
-fall much further. The RMS of 20 values of white noise exceeds 1.25 SD in 5 % of cases."""
+"""Minimum ratio of an error to the noise. Below it, a report claims no improvement of this error, because the error
+cannot fall much further. The RMS of 20 values of white noise exceeds 1.25 SD in 5 % of cases."""
 MIN_CHANGE = 5e-5
-"""Relative change of an error, below which a report calls the error unchanged; no table shows smaller changes."""
+"""Minimum relative change of an error. Below it, a report calls the error unchanged; no table shows smaller changes."""
 MAX_COVERED_SHARE = 0.8
 """Fraction of a parameter's allowed range: an interval that covers more of the range carries no information about the
 parameter. The interval of a flat distribution covers 0.95."""
@@ -26,21 +26,20 @@ take in more."""
 MAX_NAMED = 4
 """Maximum number of places, channels, sets of causes or reasons that a line of a report names; it counts the others."""
 MIN_MENTIONED = 0.01
-"""Relative change or fraction, below which a report leaves the number out, because it would be printed as 0."""
+"""Minimum relative change or fraction. Below it, a report omits the number, because it would be printed as 0."""
 NOT_PREDICTED = "not predicted"
 READERS_UNITS = {"rad": (180 / math.pi, "deg"), "m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "Pa/m^n": (1e-3, "kPa/m^n")}
 """Units for reports, by SI unit: the factor from the SI value, and the name of the unit. Angles are printed in degrees,
 for example."""
 PREFIXED = re.compile(r"(A|N|V|W|s|m|rad|ohm)\b(?!\^)")
-"""Pattern of the SI units to which a report adds a prefix (such as milli) if the value is large or small."""
+"""Pattern of the SI units that get a prefix (such as milli) in a report if the value is large or small."""
 PREFIXES = ((1e4, 1e-3, "k"), (1e-2, 1.0, ""), (1e-5, 1e3, "m"), (0.0, 1e6, "\N{MICRO SIGN}"))
 """Prefixes for reports, from the largest value to the smallest: smallest SI value for this prefix, factor from the SI
 value, and letter of the prefix."""
 
 
 def in_words(unit: str, size: float = 1.0) -> tuple[float, str]:
-    """Return the unit in which a report prints an SI value of this size: the factor from the SI value, and the unit's
-    name.
+    """Return the unit of an SI value of this size in a report: the factor from the SI value, and the unit's name.
 
     Example: `in_words("m")` gives `(1000.0, "mm")`.
     """
@@ -53,7 +52,7 @@ def format_value(value: float, unit: str, like: float = math.nan) -> str:
     """Return an SI value as text for a report, in a convenient unit such as degrees, millimetres or milliamperes. A NaN
     is printed as "not predicted".
 
-    `like` is another SI value that decides the unit, so that two values of one sentence have the same unit.
+    `like` is another SI value that decides the unit, so that two values of one sentence have one unit.
 
     Examples
     --------
@@ -99,7 +98,7 @@ def interval(value: float, low: float, high: float, unit: str) -> str:
 
 class Against(Enum):
     """Relation of a fitted interval to a value that another measurement gave: the interval agrees with the value, does
-    not contain it, or is too wide to say anything about it.
+    not contain it, or is too wide for a statement about it.
     """
 
     AGREES = "agrees with"
@@ -108,14 +107,14 @@ class Against(Enum):
 
 
 def against(ends: tuple[float, float], reference: tuple[float, float], covered: float) -> Against:
-    """Return how a fitted interval relates to the range that another measurement gave for the same parameter.
+    """Return how a fitted interval relates to the range that another measurement gave for this parameter.
 
     Parameters
     ----------
     ends : tuple of float
         Ends of the fitted interval.
     reference : tuple of float
-        Ends of the range from the other measurement, in the same unit.
+        Ends of the range from the other measurement, in the unit of `ends`.
     covered : float
         Fraction of the parameter's allowed range that the fitted interval covers. Above MAX_COVERED_SHARE the interval
         is too wide for a statement.
@@ -164,7 +163,7 @@ class Change(NamedTuple):
 
     @property
     def none(self) -> bool:
-        """Whether the error stayed the same, for example because nothing was added to the model."""
+        """Whether the error did not change, for example because nothing was added to the model."""
         return not self.lost and max(abs(self.share), abs(self.low), abs(self.high)) < MIN_CHANGE
 
     @property

@@ -1,8 +1,8 @@
 """Sentences at the top of a report: the verdict, the change of the errors, reasons for and against, and the next run.
 
 A `Verdict` is the result of the search for missing effects. All functions take a verdict and the `Labels`, which are
-the words for its kind of data. They return complete sentences, in which effects have their titles ("slip-sinkage")
-instead of their class names (SlipSinkage).
+the words for its kind of data. They return complete sentences with the titles of effects ("slip-sinkage") instead of
+their class names (SlipSinkage).
 """
 
 import math
@@ -32,8 +32,8 @@ NOTHING_MISSING = "nothing is missing"
 UNUSABLE = "do not use the fitted numbers as constants"
 """Warning about the fitted numbers of a model that does not describe the data."""
 MAX_NEGLIGIBLE_PROBABILITY = 1.0 - CONFIDENCE
-"""Largest probability with which a cause may act without being mentioned. If a cause that was not added is more
-probable, the report names it as a reason to doubt the verdict."""
+"""Largest probability of a cause that is not mentioned. If a cause that was not added is more probable, the report
+names it as a reason to doubt the verdict."""
 WRITE_AN_EFFECT = (
     "look at the remaining residual, write an effect that could cause it (rover-pin new-effect), and close the loop "
     "again with --effects"
@@ -262,7 +262,7 @@ def _reasons_for_addition(verdict: Verdict, labels: Labels) -> Iterator[str]:
 
 
 def _repeated_choices(verdict: Verdict, labels: Labels) -> str:
-    """Return the clause on how many of the repeated selections of effects agree with the verdict.
+    """Return the clause with the number of repeated selections of effects that agree with the verdict.
 
     Each repeated selection leaves out one fold of the data, which is a run or a slip level.
     """

@@ -15,11 +15,11 @@ from rover_pin.report.svg import png, svg
 
 
 class Picture(NamedTuple):
-    """One or several figures (panels) that belong together, with a text that states what they show."""
+    """One or several figures (panels) that belong together, with a text that states their content."""
 
     panels: tuple[Figure, ...]
     alt: str
-    """what the panels show in words, for a screen reader"""
+    """content of the panels in words, for a screen reader"""
     caption: str = ""
 
 
@@ -36,12 +36,12 @@ class Section(NamedTuple):
 
     @property
     def html_id(self) -> str:
-        """The HTML id of the section, to which the table of contents links."""
+        """The HTML id of the section, for the links of the table of contents."""
         return "".join(letter if letter.isalnum() else "-" for letter in self.title.lower()).strip("-")
 
 
 Sections = Sequence[Section | Callable[[], Section | None] | None]
-"""Type of the sections of a page, in their order. None stands for a section that is left out. A function returns the
+"""Type of the sections of a page, in their order. None means that the page has no such section. A function returns the
 section, or None, when it is called; this is for a section that another process is still making."""
 
 
@@ -128,7 +128,7 @@ def _files(name: str, picture: Picture) -> list[tuple[str, bytes]]:
 
 
 def mark_code(text: str) -> Markup:
-    """Return a paragraph of a docstring as HTML, in which the texts between backticks are marked as code."""
+    """Return a paragraph of a docstring as HTML, with the texts between backticks marked as code."""
     # Every second part stands between backticks.
     parts = [escape(part) for part in text.split("`")]
     return Markup("").join(Markup(f"<code>{part}</code>") if at % 2 else part for at, part in enumerate(parts))

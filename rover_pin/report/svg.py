@@ -37,7 +37,7 @@ def png(figure: Figure) -> bytes:
 def svg(figure: Figure, name: str, alt: str) -> str:
     """Return a figure as an SVG element of an HTML page, without a background.
 
-    The layout of the figure is computed once and then fixed, so that a PNG of the same figure looks like the page.
+    The layout of the figure is computed once and then fixed, so that a PNG of this figure looks like the page.
 
     Parameters
     ----------

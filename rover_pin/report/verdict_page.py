@@ -42,7 +42,7 @@ class VerdictPage:
     source: str = ""
     "origin of the data"
     model_file: bool = True
-    "whether the loop wrote a single model file, with which a command can simulate a drive"
+    "whether the loop wrote a single model file, so that a command can simulate a drive"
 
 
 def write_verdict(verdict: Verdict, page: VerdictPage, out: Path) -> list[Path]:
@@ -71,8 +71,7 @@ def write_verdict(verdict: Verdict, page: VerdictPage, out: Path) -> list[Path]:
 
 
 def repeat_section(verdict: Verdict, labels: Labels, model_file: bool = True) -> Section | None:
-    """Return the section with the command, seed and versions with which a user can repeat the loop; None if they are
-    unknown.
+    """Return the section with command, seed and versions for a repetition of the loop; None if they are unknown.
 
     `model_file` is True if the loop wrote a single model file; the section then describes this model.
     """

@@ -26,7 +26,7 @@ def _same(name: str) -> str:
 class Labels(NamedTuple):
     """The words of a report that differ between kinds of data, such as "runs" or "levels of slip".
 
-    All other words of the report's sentences are the same for all kinds of data.
+    All other words of the report's sentences are common to all kinds of data.
     """
 
     unseen: str
@@ -36,7 +36,7 @@ class Labels(NamedTuple):
     channel: Callable[[str], str] = _same
     "function that returns a channel's name in words"
     placed: Callable[[str], str] = _same
-    "function that returns a text in which the places of causes are in words: WeakMotor[wheel mr] for WeakMotor[2]"
+    "function that returns a text with the places of causes in words: WeakMotor[wheel mr] for WeakMotor[2]"
     fold: Callable[[str], str] = _same
     """function that returns the meaning of a held-out part from its name: 'S = 0.5'"""
     evidence: tuple[str, ...] = ()
@@ -46,8 +46,7 @@ class Labels(NamedTuple):
 
 
 def brief(value: float, unit: str, digits: int = 2, like: float = math.nan) -> str:
-    """Return an SI number as text with few digits, in a unit in which it needs no power of ten, such as mm for small
-    lengths.
+    """Return an SI number as text with few digits, in a unit that needs no power of ten, such as mm for small lengths.
 
     Parameters
     ----------
@@ -58,7 +57,7 @@ def brief(value: float, unit: str, digits: int = 2, like: float = math.nan) -> s
     digits : int
         Number of significant digits.
     like : float
-        Number that chooses the unit in place of `value`, so that two numbers of one sentence have the same unit.
+        Number that chooses the unit in place of `value`, so that two numbers of one sentence have one unit.
 
     Examples
     --------
@@ -79,7 +78,7 @@ def _digits(size: float, digits: int) -> str:
 def with_interval(number: Number) -> str:
     """Return a fitted number with its 95 % interval as text: "1.2 mm [0.9, 1.5]".
 
-    If the data give no interval, "(no interval)" stands in its place.
+    If the data give no interval, "(no interval)" takes its place.
     """
     factor, _ = in_words(number.unit, number.value)
     if not (number.closed and math.isfinite(number.low + number.high)):
@@ -88,7 +87,7 @@ def with_interval(number: Number) -> str:
 
 
 def pair(before: float, after: float, unit: str) -> tuple[str, str]:
-    """Return two numbers as texts in the same unit, with two to four digits: as few as make the two texts different."""
+    """Return two numbers as texts in one unit, with two to four digits: as few as make the two texts different."""
     for digits in (2, 3, 4):
         texts = brief(before, unit, digits, before), brief(after, unit, digits, before)
         if texts[0] != texts[1]:
@@ -121,7 +120,7 @@ def model_with(hypothesis: Hypothesis, missing: Cause) -> Any:
 
 
 def human(text: str, kinds: Iterable[type]) -> str:
-    """Return a text in which the class names of effects are replaced by their titles: "digging" for DiggingMemory.
+    """Return a text with the class names of effects replaced by their titles: "digging" for DiggingMemory.
 
     A class name before a dot is part of a parameter's name, as in DiggingMemory.c_d, and is kept. `kinds` are the
     classes of effects.

@@ -87,8 +87,8 @@ def configuration(rover: Rover, attitude: tuple[float, float, float], angles: Ma
 
 
 def turning(rotations: Sequence[np.ndarray], axles: np.ndarray) -> np.ndarray:
-    """Return the angle [T, n] (rad) by which the mount of each of the n wheels has turned about the wheel's axle since
-    the first of T rows.
+    """Return the rotation [T, n] (rad) of the mount of each of the n wheels about the wheel's axle since the first of T
+    rows.
 
     A tachometer measures the rate of a wheel relative to its mount, but the motion of the rim over the ground also
     includes the rotation of the mount. If a matrix R rotates by less than half a turn, its rotation vector is (angle /
@@ -115,9 +115,9 @@ def footing(rover: Rover, q: np.ndarray) -> tuple[Footing, np.ndarray]:
     configuration q [nq].
 
     No sensor measures the slope of the ground under a wheel. The slope is therefore taken along the line from the
-    centre of the wheel behind to the centre of the wheel ahead on the same side; for the first and the last wheel, the
-    line begins or ends at the wheel itself. This smooths ground that bends within a wheel base, so that loads on rocks
-    are less accurate.
+    centre of the wheel behind to the centre of the wheel ahead on its side; for the first and the last wheel, the line
+    begins or ends at the wheel itself. This smooths ground that bends within a wheel base, so that loads on rocks are
+    less accurate.
     """
     jacobians, (_, centres) = wheel_jacobians(rover, q), wheel_mounts(rover, q)
     along = np.empty_like(centres)

@@ -13,7 +13,7 @@ two places:
 * F_0 = -m_0 g in Eq (8) is the gravity of the base alone, so that the gravity of rockers, bogies and wheels must be
   part of C. Here C includes the gravity of every body, the base among them.
 
-Accelerations are those of Pinocchio: the acceleration of the base is spatial and in body axes. The classical
+Accelerations follow Pinocchio's definition: the acceleration of the base is spatial and in body axes. The classical
 acceleration of the base's origin is R (a[:3] + omega x v[:3]), with the rotation R, the angular velocity omega and the
 velocity v of the base.
 """
@@ -37,8 +37,8 @@ NEXT, AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 class Acceleration(NamedTuple):
-    """Result of the equation of motion: the acceleration a [nv] of a rover, and the torque with which the differential
-    acts on each rocker about the rocker's axis [N m].
+    """Result of the equation of motion: the acceleration a [nv] of a rover, and the torque of the differential on each
+    rocker about the rocker's axis [N m].
     """
 
     a: np.ndarray
@@ -71,7 +71,7 @@ class Dynamics:
 
         This is the faster of the two methods. With a_0 = H^-1 (tau + J^T F_e - C) and y = H^-1 G^T the constraint
         torques are lambda = -(G y)^-1 (G a_0 + gamma), and the acceleration is a = a_0 + y lambda; the docstring of the
-        module defines the symbols. Arguments are those of `forward_dynamics`.
+        module defines the symbols. For the arguments, see `forward_dynamics`.
         """
         model, data = self.model, self.data
         pin.crba(model, data, q, pin.Convention.WORLD)
@@ -87,7 +87,7 @@ class Dynamics:
 
         The algorithm does not know constraints, but its result is affine in the joint torques tau. It is therefore
         called with tau, and with tau plus each row of the constraint matrix G; the differences are the columns of H^-1
-        G^T, where H is the mass matrix. Arguments are those of `forward_dynamics`.
+        G^T, where H is the mass matrix. For the arguments, see `forward_dynamics`.
         """
         model, data = self.model, self.data
         # Pinocchio's algorithm takes the wheels' wrenches in the axes of their own joints.
@@ -109,7 +109,7 @@ class Dynamics:
         answers : list of arrays [nv]
             Change of the acceleration by a unit torque of each constraint: the columns of H^-1 G^T.
         q, v : array [nq], [nv]
-            Configuration and velocity, from which the violation of the constraints follows.
+            Configuration and velocity, which determine the violation of the constraints.
         """
         if not answers:
             return Acceleration(free, 0.0)
@@ -174,7 +174,7 @@ def forward_dynamics_aba(
 ) -> Acceleration:
     """Return the acceleration of a rover by the articulated-body algorithm, as an independent check.
 
-    Arguments and result are those of `forward_dynamics`.
+    For arguments and result, see `forward_dynamics`.
     """
     return Dynamics(rover).accelerate_aba(*checked_state(rover, q, v), *_checked_forces(rover, torques, wheel_forces))
 
@@ -231,7 +231,7 @@ def angle_rows(rover: Rover) -> np.ndarray:
     constraint [rad].
 
     The rows are in the order of `constraint_rows`. The row of wheels that are tied together is zero, because such
-    wheels have the same rate but not the same angle.
+    wheels have one common rate, but different angles.
     """
     pairs = [(coupling.q_follower, coupling.q_leader, coupling.ratio) for coupling in rover.couplings]
     if rover.differential is not None:
@@ -251,8 +251,8 @@ def _rows(pairs: list[tuple[int | None, int | None, float]], size: int) -> np.nd
 
 
 def supporting_dofs(model: pin.Model, joint: int) -> list[int]:
-    """Return the indices in v of the degrees of freedom that move a joint: its own, and those of all joints that carry
-    it, from the base outwards.
+    """Return the indices in v of the degrees of freedom that move a joint: its own, and the degrees of freedom of all
+    joints that carry it, from the base outwards.
     """
     return [
         dof

@@ -26,8 +26,8 @@ from rover_pin.rover.description.layout import Layout, MotorSheet, layout_texts,
 from rover_pin.rover.description.tree import read_tree
 
 SYMMETRY_TOLERANCE = 1e-6
-"""Largest difference between the mass matrix of a rover and its mirror image with which the rover counts as
-mirror-symmetric, as a fraction of the largest entry."""
+"""Largest difference between the mass matrix of a mirror-symmetric rover and its mirror image, as a fraction of the
+largest entry."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Differential(NamedTuple):
 
 
 class Coupling(NamedTuple):
-    """A joint that follows another joint, as in a parallel link: v[follower] = ratio v[leader], and the same holds for
+    """A joint that follows another joint, as in a parallel link: v[follower] = ratio v[leader], and this also holds for
     the angles in q.
 
     Wheels that are tied together share a rate but have no common angle, so that `q_follower` and `q_leader` are None.
@@ -116,7 +116,7 @@ class Rover:
     angles: Mapping[str, int]
     """name of a suspension or steering angle (rocker_l, ..., steer_fl, ...) -> index of this angle in q"""
     mirror: Mirror
-    """permutation and signs by which a velocity is mirrored at the x-z plane of the base"""
+    """permutation and signs that mirror a velocity at the x-z plane of the base"""
     urdf: str
     "text of the URDF, for viewers"
     couplings: tuple[Coupling, ...] = ()
@@ -126,7 +126,7 @@ class Rover:
     motor: MotorSheet | str | None = None
     "data sheet of the wheels' motors, or the name of a motor of the package; None if the TOML states no motor"
     soil: Mapping[str, Any] = field(default_factory=dict)
-    """table [soil] of the TOML, for drives for which the user states no other soil"""
+    """table [soil] of the TOML, for drives without another soil from the user"""
 
     @property
     def wheel(self) -> Wheel:
@@ -183,7 +183,7 @@ class Rover:
         """Return the indices of the joints that carry the wheels of a side ("l" or "r"), in the order of Pinocchio's
         model.
 
-        The wheels' own joints are included. The world and the free flyer of the base are left out.
+        The wheels' own joints are included. The world and the free flyer of the base are not included.
         """
         wheels = [wheel.joint for wheel in self.wheels if wheel.side == side]
         return sorted({joint for wheel in wheels for joint in self.model.supports[wheel]} - {0, 1})
@@ -408,7 +408,8 @@ def mirror(model: pin.Model, pairs: Sequence[tuple[str, str]]) -> Mirror:
     """Return the permutation and the signs of the mirror image of a velocity in the x-z plane of the base.
 
     Angular velocities mirror as (-x, y, -z). The sign of a joint's rate therefore follows from the directions of its
-    axis and of its partner's axis at zero angles. Of the base's velocity, v_y, omega_x and omega_z change sign.
+    axis and of its partner's axis at zero angles. The components v_y, omega_x and omega_z of the base's velocity change
+    sign.
 
     Parameters
     ----------
@@ -430,8 +431,8 @@ def mirror(model: pin.Model, pairs: Sequence[tuple[str, str]]) -> Mirror:
 
 
 def is_symmetric(model: pin.Model, image: Mirror) -> bool:
-    """Return whether a rover's mass matrix equals its mirror image, so that left and right have the same masses at the
-    same distances from the middle.
+    """Return whether a rover's mass matrix equals its mirror image, so that left and right have equal masses at equal
+    distances from the middle.
 
     A drive on symmetric terrain may be computed with enforced symmetry (`symmetric` in `simulate`) only if this is
     true.

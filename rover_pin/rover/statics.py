@@ -16,11 +16,10 @@ MAX_SLOPE = math.radians(80.0)
 """Largest slope of the plane [rad]. A steeper plane is refused: at 90 deg the forces that balance the weight would be
 infinite."""
 MIN_GAP = 1e-6
-"""Smallest height of a wheel's lowest point above the ground [m] with which the wheel counts as hanging. A smaller
-height is round-off."""
+"""Smallest height of a hanging wheel's lowest point above the ground [m]. A smaller height is round-off."""
 BALANCE_TOLERANCE = 1e-6
-"""Largest residual of the static balance with which a rover counts as standing, as a fraction of its weight. A smaller
-residual is round-off; a larger one means that a pivot cannot be balanced."""
+"""Largest residual of the static balance of a rover in equilibrium, as a fraction of its weight. A smaller residual is
+round-off; a larger one means that a pivot cannot be balanced."""
 
 
 def wheel_loads(
@@ -40,7 +39,7 @@ def wheel_loads(
     Six wheels on two rockers, two bogies and a differential are statically determinate: there are 7 equations for 6
     loads and lambda. If there are more wheels than equations, for instance four wheels on a rigid body, many solutions
     balance; the result is the solution of least norm. Springs in the rover's TOML add the torque k_s (delta - q_0) to
-    their joints, where delta are the small angles by which the joints yield while all wheels stay on the ground.
+    their joints, where delta are the small rotations of the joints while all wheels stay on the ground.
 
     Parameters
     ----------
@@ -63,12 +62,11 @@ def wheel_loads(
     Raises
     ------
     ParameterError
-        A slope is beyond 80 deg, the gravity is outside (0, 100) m/s^2, or the suspension cannot stand.
+        A slope is beyond 80 deg, the gravity is outside (0, 100) m/s^2, or the suspension has no equilibrium.
 
     Source: section 4 of the paper, "considering static balance among forces and moments". Differs from the paper: the
     balance does not determine how the wheels share the pull along the slope, and this share shifts loads through the
-    pivots. Here every wheel has the same ratio of traction f_t to normal load f_n, so that each ground force is
-    vertical.
+    pivots. Here all wheels have one ratio of traction f_t to normal load f_n, so that each ground force is vertical.
 
     Examples
     --------
@@ -125,12 +123,12 @@ def wheel_loads(
 
 
 def hanging_wheels(rover: Rover) -> dict[str, float]:
-    """Return the wheels that do not touch level ground when the rover stands, as name -> height above the ground [m].
+    """Return the wheels that do not touch level ground in equilibrium, as name -> height above the ground [m].
 
     The rover starts at zero angles and sinks until its lowest wheels carry it. The small motions delta of base and
     suspension solve a linear programme: minimise the potential energy w . delta (w: gravity term of the equation of
     motion), subject to gap + J delta >= 0 (no wheel's lowest point is below the ground) and G delta = 0 (all
-    constraints hold). Springs are left out.
+    constraints hold). Springs are ignored.
     """
     from scipy.optimize import linprog  # imported here, because it loads sparse matrices, which a drive does not need
 
@@ -152,7 +150,7 @@ def _vertical_pushes(rover: Rover, q: np.ndarray, normal: np.ndarray) -> np.ndar
     """Return the generalised force [nv, n] that an upward force of 1 N at the point of contact of each of the n wheels
     causes.
 
-    `q` is the configuration [nq], and `normal` is the unit normal of the plane on which the wheels stand [3].
+    `q` is the configuration [nq], and `normal` is the unit normal of the plane under the wheels [3].
     """
     jacobians, up = wheel_jacobians(rover, q), rover.up
     return np.column_stack(

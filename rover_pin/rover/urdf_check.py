@@ -27,15 +27,15 @@ PLANE_TOLERANCE = 1e-3
 """Largest spread of the wheel centres across their common plane, divided by their spread along the plane. Beyond it, a
 note states that the wheels are not on one plane."""
 STABILITY_SLOPE = 0.02
-"""Slope [rad] on which a rover must be in static balance, as it is on level ground. A body that is only balanced on a
-free pivot is not in balance on this slope, so that the slope shows an unstable balance."""
+"""Slope [rad]. A rover must be in static balance on it, as on level ground. A body that is only balanced on a free
+pivot is not in balance on this slope, so that the slope shows an unstable balance."""
 
 
 @dataclass(frozen=True)
 class UrdfReport:
     """Result of `check_urdf`: faults, notes and facts about a rover.
 
-    A fault prevents a rover from being loaded, or from standing on level ground. A note is a hint that does not prevent
+    A fault prevents the loading of a rover, or its equilibrium on level ground. A note is a hint that does not prevent
     anything.
     """
 
@@ -45,7 +45,7 @@ class UrdfReport:
     facts: tuple[str, ...]
     """sentences on mass, size and roles of joints, for comparison with the real rover"""
     loads: bool = False
-    """whether the rover can be loaded, even if it cannot stand; false for a .urdf without a TOML"""
+    """whether the rover can be loaded, even without an equilibrium; false for a .urdf without a TOML"""
 
     @property
     def ok(self) -> bool:
@@ -59,7 +59,7 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
     Parameters
     ----------
     path : path
-        The .toml of a rover. A .urdf alone is checked as far as possible without the roles of its joints.
+        The .toml of a rover. The check of a .urdf alone omits all tests that need the roles of its joints.
     trust : Trust
         Whether files that the TOML names may lie outside its folder.
 
@@ -113,9 +113,9 @@ def _fold_sentences(file: str, sentences: list[str]) -> tuple[str, ...]:
 
 
 def _standing_faults(layout: Layout) -> Iterator[str]:
-    """Yield the reason why the rover cannot stand on level ground at zero joint angles; nothing if it can stand.
+    """Yield the reason why the rover has no equilibrium on level ground at zero joint angles; nothing if it has one.
 
-    If a small slope already destroys the balance, the balance is unstable, and the rover counts as not standing.
+    If a small slope already destroys the balance, the balance is unstable, and counts as none.
     """
     rover = assemble(layout)
     try:
@@ -135,7 +135,7 @@ def _standing_faults(layout: Layout) -> Iterator[str]:
 def _notes(tree: UrdfTree, layout: Layout | None, model: pin.Model, folder: Path) -> Iterator[str]:
     """Yield the notes on a rover without faults, on changes of the URDF, wheels, names, inertias, meshes and symmetry.
 
-    `folder` is the folder of the URDF, in which its meshes are searched.
+    `folder` is the folder of the URDF, which is searched for its meshes.
     """
     if layout is not None:
         yield from layout.changes
@@ -176,7 +176,7 @@ def _notes(tree: UrdfTree, layout: Layout | None, model: pin.Model, folder: Path
 
 def _name_notes(layout: Layout, tree: UrdfTree) -> Iterator[str]:
     """Yield a note if the names of the wheels state another end (front, rear) or side (left, right) than the TOML. The
-    names may be those of joints or of links.
+    names may be names of joints or of links.
     """
     # Positions as the TOML states them: axles from front to rear along x, left at +y and right at -y.
     centres = np.array(

@@ -59,7 +59,7 @@ def effective_track(rover: Rover, resistance: float = 0.0) -> float:
     """Return the effective track B' [m] of a rover that turns by different speeds of its two sides (skid steering).
 
     A skid-steered rover yaws more slowly than its wheel speeds and its track B suggest, because its wheels are dragged
-    sideways. B' is the track of a rover without slip that yaws at the same rate with the same wheel speeds.
+    sideways. B' is the track of a rover without slip that yaws at this rate with these wheel speeds.
 
     At the yaw rate Omega, a wheel at x from the middle of the axles slides by Omega x across its heading and by Omega s
     along its heading, where s is the unknown. All wheels carry equal loads; the friction coefficient mu acts against

@@ -41,15 +41,15 @@ def with_learnt_noise(base: Fit, shifts: Sequence[np.ndarray]) -> Fit:
 def residuals(
     base: Fit, shifts: Sequence[np.ndarray], field: RandomField | None = None
 ) -> tuple[np.ndarray, AbsorbedNoise]:
-    """Return the unexplained part of the residual (folds, channels, samples), from which the noise is estimated, and
-    the noise that the explained part absorbed.
+    """Return the unexplained part of the residual (folds, channels, samples) for the estimate of the noise, and the
+    noise that the explained part absorbed.
 
     `shifts` are the changes of the prediction by each candidate effect. The unexplained part is the residual minus the
-    part that parameters, candidates and random effects can explain. A random effect may explain as much as its SD
-    allows; in the first alternation, its assumed size serves as its SD. The fitted columns also absorb noise: p columns
-    fitted to n residuals absorb the fraction p / n of its variance, and a larger fraction of its correlation in time.
-    The second result holds the variance and covariance of the absorbed noise, which `noise_of` adds again. Without this
-    correction, the noise of a short log would be estimated much too small.
+    part that parameters, candidates and random effects can explain. A random effect may explain a part of the residual
+    that its SD allows; in the first alternation, its assumed size serves as its SD. The fitted columns also absorb
+    noise: p columns fitted to n residuals absorb the fraction p / n of its variance, and a larger fraction of its
+    correlation in time. The second result holds the variance and covariance of the absorbed noise, which `noise_of`
+    adds again. Without this correction, the noise of a short log would be estimated much too small.
     """
     # All columns that can explain part of the residual: parameters, candidates, and random differences in units of
     # their SD.

@@ -6,10 +6,10 @@ is y = predicted(u) + G gamma + eps, where each column of G is the change of the
 gamma ~ N(0, diag tau^2) are the unknown sizes of these differences, and eps is the noise. With the whitened columns B,
 and one scale d for each kind of difference (its SD divided by the size of its column), the whitened residuals (rows)
 have the covariance I + B d^2 B^T. The expected contribution of gamma is removed from the rows, so that no parameter has
-to imitate this contribution. The scales d maximise the restricted likelihood, in which all parameters and candidates
-are free, so that a missing effect is not taken for chance. Source: Patterson and Thompson, Biometrika 58 (1971) 545;
-Kennedy and O'Hagan, J. R. Stat. Soc. B 63 (2001) 425; Brynjarsdottir and O'Hagan, Inverse Problems 30 (2014) 114007
-(without a prior of the discrepancy, parameters absorb it).
+to imitate this contribution. The scales d maximise the restricted likelihood with all parameters and candidates free,
+so that a missing effect is not taken for chance. Source: Patterson and Thompson, Biometrika 58 (1971) 545; Kennedy and
+O'Hagan, J. R. Stat. Soc. B 63 (2001) 425; Brynjarsdottir and O'Hagan, Inverse Problems 30 (2014) 114007 (without a
+prior of the discrepancy, parameters absorb it).
 """
 
 import dataclasses
@@ -102,7 +102,7 @@ class RandomEffectsFilter:
         """Return the whitened residuals `rows` (..., n) without the expected contribution of the random differences
         between folds.
 
-        `good` (folds, channels, samples) marks the n compared samples to which the residuals belong, fold after fold.
+        `good` (folds, channels, samples) marks the n compared samples of the residuals, fold after fold.
         """
         # The whitened residuals lie fold after fold; each fold has its own filter, because a difference changes one
         # fold only.
@@ -155,7 +155,7 @@ def _root(part: np.ndarray) -> np.ndarray:
     `RandomEffectsFilter`).
 
     `part` (m, columns) are the whitened columns of the fold, multiplied by their SDs. Directions whose singular value
-    is rounding are left out.
+    is rounding are dropped.
     """
     u, s, _ = np.linalg.svd(part, full_matrices=False)
     return np.asarray(
@@ -164,10 +164,9 @@ def _root(part: np.ndarray) -> np.ndarray:
 
 
 def spanning(columns: np.ndarray) -> np.ndarray:
-    """Return orthonormal columns that span the same space as the given columns (n, columns), which may have different
-    units.
+    """Return orthonormal columns that span the space of the given columns (n, columns), which may have different units.
 
-    Directions whose singular value is rounding are left out.
+    Directions whose singular value is rounding are dropped.
     """
     Q, s, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-9), full_matrices=False)
     return np.asarray(Q[:, s > MIN_IDENTIFIABLE_SHARE * s[0]] if s.size else Q)

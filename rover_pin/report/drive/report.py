@@ -2,7 +2,7 @@
 run.
 
 A free run is a simulation with the logged commands only, which the measurements never correct. The 3D view shows the
-run in which the base model departs furthest from the measurements.
+run with the largest deviation of the base model from the measurements.
 """
 
 from collections.abc import Callable, Iterator
@@ -196,10 +196,10 @@ def ghosts(verdict: Verdict, log: DriveLog, sides: Sides | None) -> Callable[[],
     """Start making the 3D view of the worst-predicted run, and return a function that waits for it and returns its
     section.
 
-    This is the run in which the base model departs furthest from the measurements. The view shows the measured drive as
-    a solid rover, and the free runs of the base model and of the model with added effects as transparent rovers
-    (ghosts). If the loop has worker processes, one of them makes the view while the rest of the report is written. The
-    returned function returns None if no run was simulated.
+    This is the run with the largest deviation of the base model from the measurements. The view shows the measured
+    drive as a solid rover, and the free runs of the base model and of the model with added effects as transparent
+    rovers (ghosts). If the loop has worker processes, one of them makes the view while the rest of the report is
+    written. The returned function returns None if no run was simulated.
     """
     free = [free_run for free_run in extra_of(verdict).free if np.isfinite(free_run.before)]
     if sides is None or not free:
@@ -240,8 +240,8 @@ def _begin_pages(log: DriveLog, sides: Sides, run: str) -> Iterator[str]:
 def free_drive(experiment: DriveExperiment, model: Model, run: str, beside: Subject, name: str) -> Subject:
     """Return the free run of a model, which is simulated with the logged commands only, as a drive for the 3D view.
 
-    Rover and terrain are those of the drive `beside`, which is shown in the same view. `run` is the name of the run,
-    and `name` is the name that the view shows.
+    Rover and terrain are taken from the drive `beside`, which this view also shows. `run` is the name of the run, and
+    `name` is the name that the view shows.
     """
     alone = experiment.free.alone(run)
     # The replay may end early; channels that do not cover all times of the commands are left out.

@@ -24,7 +24,7 @@ from rover_pin.report.svg import AFTER, BEFORE, GREY, NOISE
 from rover_pin.simulation.trace.channels import wheel_of
 
 MAX_CHANNELS, MAX_OF_A_KIND, MAX_RUNS = 5, 2, 2
-"""Maximum numbers in a figure: of channels, of channels of one kind (such as wheel rates), and of runs."""
+"""Maximum number of channels, of channels of one kind (such as wheel rates), and of runs in a figure."""
 LOOKS = ((BEFORE, "--", "base model"), (AFTER, "-", "with added effects"))
 """Colour, line style and label for the base model (first entry) and for the model with added effects (second entry)."""
 WORDS = {
@@ -44,7 +44,7 @@ class Sides(NamedTuple):
     """Two fits that figures compare: the fit of the base model (`before`) and of the model with added effects
     (`after`).
 
-    Both are the same fit if no effect was added.
+    Both are one fit if no effect was added.
     """
 
     before: Fit
@@ -117,7 +117,7 @@ def residual_panels(sides: Sides) -> tuple[Figure, ...]:
 def _residuals(sides: Sides, run: int) -> Figure:
     """Return the figure of the residuals of one run against time, with one panel for each channel.
 
-    `run` is the number of the run. Intervals in which a channel is not compared with the model are grey.
+    `run` is the number of the run. Intervals without a comparison of a channel with the model are grey.
     """
     channels, experiment = telling_channels(sides), sides.experiment
     figure = Figure(figsize=(4.9, 1.5 * len(channels) + 1.1), layout="constrained")
@@ -142,7 +142,7 @@ def _residuals(sides: Sides, run: int) -> Figure:
 
 
 def _shade_gaps(axis: Axes, experiment: DriveExperiment, run: int, row: int) -> None:
-    """Shade the intervals of a run in which a channel is not compared with the model.
+    """Shade the intervals of a run without a comparison of a channel with the model.
 
     `run` and `row` are the numbers of the run and of the channel in the experiment.
     """
@@ -185,8 +185,8 @@ class ResidualAlong(NamedTuple):
 
     @property
     def gain(self) -> float:
-        """By how much the added effects decrease the sum of squared mean residuals, in units of the squared SDs of
-        these means.
+        """Decrease of the sum of squared mean residuals by the added effects, in units of the squared SDs of these
+        means.
 
         If no effect was added, this is the sum itself.
         """
@@ -196,7 +196,7 @@ class ResidualAlong(NamedTuple):
 
 
 def channel_to_show(sides: Sides) -> ResidualAlong | None:
-    """Return the mean residuals of the channel, along the signal, for which the added effects reduce the residuals
+    """Return the mean residuals of one channel along one signal: the pair whose residuals the added effects reduce
     most.
 
     The result is None if too few half-second means are compared.
@@ -231,7 +231,7 @@ def _along(sides: Sides, row: int, name: str, signal: np.ndarray) -> ResidualAlo
 
 
 def effect_picture(sides: Sides) -> Picture | None:
-    """Return the picture of the channel and the signal for which the added effects reduce the mean residuals most.
+    """Return the picture of the channel and the signal whose mean residuals the added effects reduce most.
 
     The result is None if too few half-second means are compared.
     """

@@ -22,7 +22,7 @@ PANEL_SIZE = (5.2, 3.0)
 CURVE_POINTS = 80
 """Number of points of a predicted curve."""
 SAME_SLIP = 0.02
-"""Runs whose slips differ by less than this count as runs at the same slip [-]."""
+"""Runs whose slips differ by less than this count as runs at one slip [-]."""
 
 
 class Look(NamedTuple):
@@ -54,7 +54,7 @@ def channel_panels(data: RigSet, drawn_models: Sequence[Look]) -> tuple[Figure, 
 def _panel(data: RigSet, channel: RigChannel, drawn_models: Sequence[Look]) -> Figure:
     """Return the figure of one channel against slip.
 
-    The labels with load and slip angle stand at the curves of the last model only.
+    Only the curves of the last model have labels with load and slip angle.
     """
     figure = Figure(figsize=PANEL_SIZE, layout="constrained")
     axis, (scale, unit) = figure.subplots(), in_words(channel.unit)
@@ -102,7 +102,7 @@ def _curves(model: RigModel, data: RigSet, channel: RigChannel) -> Iterator[Curv
 
 
 def _loads(data: RigSet) -> list[tuple[float | None, str]]:
-    """Return the loads [N] under which the curves of a model are drawn, each with the label of its curve.
+    """Return the loads [N] of the curves of a model, each with the label of its curve.
 
     If the loads were chosen independently of the slip, these are the smallest, the median and the largest load.
     Otherwise the list has one entry, whose load is None: the curve follows the measured load along the slip, and has no
@@ -118,8 +118,7 @@ def _loads(data: RigSet) -> list[tuple[float | None, str]]:
 
 
 def _loads_were_chosen(data: RigSet) -> bool:
-    """Return whether runs at the same slip had different loads, so that the loads were chosen independently of the
-    slip.
+    """Return whether runs at one slip had different loads, so that the loads were chosen independently of the slip.
 
     In this case a single curve over slip would join points under different loads.
     """
@@ -143,7 +142,7 @@ def _along(data: RigSet, slip: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def load_caption(data: RigSet) -> str:
-    """Return the sentence of a caption that states the loads under which the models' curves are drawn."""
+    """Return the sentence of a caption that states the loads of the models' curves."""
     load = data.load
     if (drawn := len(_loads(data))) > 1:
         count = {2: "two", 3: "three"}[drawn]

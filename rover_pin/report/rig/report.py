@@ -167,8 +167,7 @@ def elsewhere_section(verdict: Verdict) -> Section | None:
 
 
 def set_by_set_section(verdict: Verdict) -> Section | None:
-    """Return the section with the held-out errors of each data set: those of the joint model, and those of a simple
-    curve.
+    """Return the section with the held-out errors of the joint model and of a simple curve, for each data set.
 
     The curve goes through the points of one data set alone. The result is None if no model was fitted.
     """
@@ -192,8 +191,8 @@ MIN_SLIP = 0.005
 def meanings(data: RigSet) -> dict[str, str]:
     """Return a dict from the name of each slip level to its meaning, such as "S = 0.5".
 
-    The meaning includes the slip angle and the load if the runs differ in them. If several levels have the same
-    meaning, the name follows in brackets.
+    The meaning includes the slip angle and the load if the runs differ in them. If several levels have one meaning, the
+    name follows in brackets.
     """
     angled = bool(np.ptp(data.slip_angle) > 1e-3)
     loaded = data.loads_vary

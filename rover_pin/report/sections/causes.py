@@ -182,7 +182,7 @@ def sensitivities(beliefs: Beliefs, named: tuple[str, ...]) -> dict[str, tuple[S
 def _sensitivity(beliefs: Beliefs, name: str) -> Sensitivity | None:
     """Return the smallest detectable size of the cause `name`; None if all its amplitudes are thresholds.
 
-    The size is that of the most precisely known amplitude, in the most probable hypothesis (combination of causes) that
+    The size is the most precisely known amplitude, in the most probable hypothesis (combination of causes) that
     contains the cause.
     """
     if name in beliefs.untried:
@@ -218,5 +218,7 @@ def unit_of(hypothesis: Hypothesis, cause: Cause, parameter: Parameter) -> str:
 
 
 def is_threshold(parameter: Parameter) -> bool:
-    """Return whether an amplitude is a threshold above which a cause acts. A fraction of a threshold has no meaning."""
+    """Return whether an amplitude is a threshold of a cause: the cause acts only above it. A fraction of a threshold
+    has no meaning.
+    """
     return parameter.log or (math.isinf(parameter.low) and parameter.origin != 0)

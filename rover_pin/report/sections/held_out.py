@@ -22,8 +22,8 @@ from rover_pin.report.words import Labels
 def held_out_section(verdict: Verdict, labels: Labels) -> Section | None:
     """Return the section with the held-out errors and the claims that they allow; None if there are no held-out errors.
 
-    Each fold of the data (a run or a slip level) is predicted by a fit to all other folds. The errors are those of the
-    base model and of the model with added effects.
+    Each fold of the data (a run or a slip level) is predicted by a fit to all other folds. The errors belong to the
+    base model and to the model with added effects.
     """
     scores, added = verdict.scores, bool(verdict.named)
     if not scores:
@@ -77,7 +77,7 @@ def _misfit_table(verdict: Verdict, labels: Labels) -> Table:
 
 
 def baseline_table(verdict: Verdict, labels: Labels) -> Table | None:
-    """Return the table that compares the held-out errors of simple curves with those of the model.
+    """Return the table that compares the held-out errors of simple curves with the errors of the model.
 
     The result is None if no curve was tried.
     """

@@ -55,7 +55,7 @@ def number_table(verdict: Verdict) -> Table:
 
 
 def most_correlated(fitted: Fit) -> dict[str, str]:
-    """Return, for each fitted number, the other number with which it correlates most: {"soil.k": "soil.phi -0.97"}."""
+    """Return, for each fitted number, the other number of largest correlation with it: {"soil.k": "soil.phi -0.97"}."""
     names, covariance = [parameter.name for parameter in fitted.parameters], fitted.covariance
     sd = np.sqrt(np.diag(covariance))
     # The diagonal, which is 1, is subtracted, so that no number is its own partner.

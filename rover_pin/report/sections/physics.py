@@ -30,7 +30,7 @@ def physics_section(
 
 
 def _effect(effect: Any, side: Side, labels: Labels, describe_size: Callable[[Any], str]) -> dict[str, Any]:
-    """Return what the section's template shows of one added effect, by the names of the template's variables.
+    """Return the content of the section's template for one added effect, by the names of the template's variables.
 
     These are its title, name, meaning, influence, law, and table of parameters. `side` holds the fit of the model with
     the added effects.

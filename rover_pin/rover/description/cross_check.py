@@ -17,8 +17,8 @@ from rover_pin.rover.description.tree import UrdfTree
 CONFIGURATIONS = 5
 """Number of random configurations at which the placements by the two libraries are compared."""
 PLACEMENT_TOLERANCE = 1e-6
-"""Largest difference with which two placements of a link count as equal (positions in m, entries of rotation matrices).
-A larger difference is reported as a fault of the URDF."""
+"""Largest difference between two equal placements of a link (positions in m, entries of rotation matrices). A larger
+difference is reported as a fault of the URDF."""
 
 
 def free_tree(text: str) -> pin.Model:

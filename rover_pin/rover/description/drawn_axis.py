@@ -2,7 +2,7 @@
 
 The axis of the joint, the drawing of its link and the inertia of the link all show the axis of the wheel. If they
 contradict each other, the URDF has an error, and only its author knows which of them is wrong. A frequent error is a
-missing `<axis>`, with which the joint turns about x.
+missing `<axis>`: the joint then turns about x.
 """
 
 from collections.abc import Iterable, Iterator
@@ -31,7 +31,7 @@ class Cylinder(NamedTuple):
 
     link: str
     drawn: str
-    """element of the link in which the cylinder stands: visual or collision"""
+    """element of the link that contains the cylinder: visual or collision"""
     radius: float
     "radius of the cylinder [m]"
     direction: np.ndarray
@@ -99,10 +99,9 @@ def _drawings(tree: UrdfTree, joint: Joint) -> tuple[list[str], list[Cylinder]]:
     Returns
     -------
     agreeing : list of str
-        The drawings ("visual", "collision") in which a cylinder of the size of the rim lies along the axis of the
-        joint.
+        The drawings ("visual", "collision") with a cylinder of the size of the rim along the axis of the joint.
     across : list of Cylinder
-        For each drawing in which no such cylinder lies along the axis: its largest cylinder.
+        For each drawing without such a cylinder along the axis: its largest cylinder.
 
     A drawing with a mesh is in neither list, because the mesh may be the tyre, and the cylinder a motor.
     """
@@ -146,7 +145,7 @@ def _shapes_of(tree: UrdfTree, joint: Joint) -> list[Shape]:
 
 def disc_axis(body: Body) -> np.ndarray | None:
     """Return the axis of a disc-like body in the link's frame [3], found from the body's inertia; None if the inertia
-    is not that of a disc.
+    does not belong to a disc.
 
     The moment of inertia of a disc is largest about its own axis, and equal about the two other axes.
     """

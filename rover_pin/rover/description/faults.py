@@ -1,8 +1,8 @@
 """The faults that keep a URDF from being loaded as a rover, each in one sentence that states what to correct.
 
 Faults are looked for in stages, because a later stage needs a URDF without faults of the earlier stages: first the tree
-of links and joints, then masses and roles, then the model that Pinocchio builds, and last a second library that reads
-the same file.
+of links and joints, then masses and roles, then the model that Pinocchio builds, and last a second library that also
+reads the file.
 """
 
 from collections import Counter
@@ -20,8 +20,8 @@ from rover_pin.rover.description.layout import Layout
 from rover_pin.rover.description.tree import Joint, UrdfTree, read_tree
 
 UNLIMITED = 1e6
-"""Angle [rad] of a stop beyond which the joint counts as having no stop: tools write 1.8e308, the largest double, for a
-joint without stops."""
+"""Maximum angle [rad] of a stop. A joint with a larger angle counts as having no stop: tools write 1.8e308, the largest
+double, for a joint without stops."""
 MAX_STOP = 10.0
 """Largest angle of a stop [rad] that is accepted. A larger angle (up to UNLIMITED) is refused, because it is probably
 in degrees."""

@@ -22,8 +22,8 @@ GYRATION_IN_ROVER = (0.003, 1.0)
 The smallest value is used for links without a primitive shape. The largest value is used for all links, because some
 links have only a tiny shape."""
 MAX_SMALL_PART = 0.1
-"""Largest mass of a small part, as a fraction of the mass of the rigid body to which it belongs. An impossible inertia
-of a small part is not a fault but only a note, because it matters little."""
+"""Largest mass of a small part, as a fraction of the mass of its rigid body. An impossible inertia of a small part is
+not a fault but only a note, because it matters little."""
 
 
 def inertia_faults(tree: UrdfTree) -> Iterator[str]:

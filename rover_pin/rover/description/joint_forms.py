@@ -1,5 +1,5 @@
 """Rewriting of a URDF for drives. Joints that the TOML holds become fixed, the axes of wheels (and of rockers and
-steering joints) point in the same direction, and each group of coupled joints gets one leading joint.
+steering joints) get one common direction, and each group of coupled joints gets one leading joint.
 
 Pinocchio, viewers and drives all read the text that `normalise_urdf` returns. A URDF that needs no change is returned
 byte for byte; otherwise each change is reported in one sentence.
@@ -19,8 +19,8 @@ from rover_pin.base.quantity import refuse_strange, to_si, value_and_unit
 from rover_pin.rover.description.tree import Joint, UrdfTree, read_tree, turn
 
 ALONG = 0.95
-"""Smallest cosine of the angle between an axis and the direction in which it must point. It allows 18 deg, because
-wheels may have camber."""
+"""Smallest cosine of the angle between an axis and its required direction. It allows 18 deg, because wheels may have
+camber."""
 MOTION_ELEMENTS = ("axis", "limit", "mimic", "dynamics", "safety_controller", "calibration")
 """XML elements that describe the motion of a joint. They are removed if the joint becomes fixed."""
 
@@ -90,7 +90,7 @@ class _Robot:
         joint : str
             Name of the joint.
         key : str
-            Key of the TOML in which the joint is named, for the error.
+            Key of the TOML that names the joint, for the error.
 
         Raises UrdfError: there is no such joint.
         """
@@ -156,7 +156,7 @@ def normalise_urdf(text: str, file: str, forms: JointForms) -> NormalisedUrdf:
 
 
 def _remove_world(robot: _Robot, forms: JointForms) -> Iterator[str]:
-    """Remove the joints and links by which a simulator places or moves the rover in its world, and yield a sentence
+    """Remove the joints and links that a simulator uses to place or move the rover in its world, and yield a sentence
     about the change.
 
     The base of a rover is free without these joints, because `free_tree` adds six free motions.
@@ -277,8 +277,8 @@ def _add_base_frame(robot: _Robot, forms: JointForms) -> Iterator[str]:
     """Add a new root link whose frame is the base frame of the rover, if the root link of the URDF has another frame;
     yield a sentence about the change.
 
-    The position and attitude of a drive are those of the root link. The TOML may name another link as the base that is
-    fixed to the root link, and may turn the base's axes by base_rpy.
+    The position and attitude of a drive are the position and attitude of the root link. The TOML may name another link
+    as the base that is fixed to the root link, and may turn the base's axes by base_rpy.
     """
     tree = robot.tree
     if len(tree.roots) != 1 or forms.base not in tree.rigid_group(tree.roots[0]):
@@ -332,8 +332,8 @@ def _turn_axes(robot: _Robot, forms: JointForms) -> Iterator[str]:
 
 
 def _reverse(robot: _Robot, name: str) -> None:
-    """Reverse the direction of a joint's axis. Its stops, and the ratios of all `<mimic>` elements in which the joint
-    occurs, change accordingly.
+    """Reverse the direction of a joint's axis. Its stops, and the ratios of all `<mimic>` elements that name the joint,
+    change accordingly.
     """
     joint = robot.joints[name]
     axis = joint.find("axis")

@@ -43,7 +43,7 @@ class MotorSheet(Record):
     no_load_speed / gear. The data sheet of a gear motor states the values at its output, so that gear = 1.
 
     Source: the straight line of a DC motor between stall torque and no-load speed, which every data sheet has.
-    Simplified: the gear's losses are proportional to the torque, and are the same when the wheel drives the motor.
+    Simplified: the gear's losses are proportional to the torque, also when the wheel drives the motor.
 
     Examples
     --------
@@ -73,7 +73,7 @@ class Axle:
 
 @dataclass(frozen=True)
 class Layout:
-    """The content of a rover's TOML, in which joints are given by name, and the text of its URDF."""
+    """The content of a rover's TOML, which names joints, and the text of its URDF."""
 
     name: str
     file: str
@@ -93,7 +93,7 @@ class Layout:
     springs: tuple[SpringDamper, ...] = ()
     motor: MotorSheet | str | None = None
     soil: Mapping[str, Any] = field(default_factory=dict)
-    """table [soil] of the TOML, for drives for which the user states no other soil"""
+    """table [soil] of the TOML, for drives without another soil from the user"""
     changes: tuple[str, ...] = ()
     """changes of the URDF that `normalise_urdf` made, one sentence for each"""
 

@@ -34,8 +34,8 @@ PARTS = {
     ".obj": re.compile(rb"^(?:o|g|usemtl)\s", re.MULTILINE),
     ".dae": re.compile(rb"<(?:\w+:)?(?:node|geometry|instance_geometry|triangles|polylist|polygons)\b"),
 }
-"""Suffix of a mesh file -> pattern that marks the beginning or the end of a part in its text, with which parts are
-counted."""
+"""Suffix of a mesh file -> pattern that marks the beginning or the end of a part in its text, for counting the
+parts."""
 PACKAGE = "package.xml"
 """Name of the file that marks the root folder of a ROS package."""
 PACKED = (b"PK", b"\x1f\x8b", b"BZh", b"\0")
@@ -56,7 +56,7 @@ a wrong suffix could reach the reader of another format."""
 
 
 def package_of(folder: Path) -> Path:
-    """Return the folder from which the meshes of a URDF may be read. `folder` is the folder of the URDF.
+    """Return the folder that may contain the meshes of a URDF. `folder` is the folder of the URDF.
 
     The result is the ROS package that contains the URDF. If there is no package, it is the parent of a folder with the
     name urdf, otherwise the folder of the URDF itself.
@@ -67,8 +67,8 @@ def package_of(folder: Path) -> Path:
 
 
 def mesh_file(name: str, folder: Path) -> Path | None:
-    """Return the path of a mesh that a URDF in `folder` names, or None if the folder from which meshes may be read
-    (`package_of`) does not contain it.
+    """Return the path of a mesh that a URDF in `folder` names, or None if the allowed folder of meshes (`package_of`)
+    does not contain it.
 
     A name such as package://rover/meshes/tyre.stl is searched next to the URDF and in its package, first with its whole
     path, then without its first folders (meshes/tyre.stl, tyre.stl). A symbolic link that leads out of the package is

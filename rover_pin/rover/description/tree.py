@@ -63,7 +63,7 @@ class Shape(NamedTuple):
     mesh: str = ""
     "file name of a mesh"
     drawn: str = "visual"
-    """"visual" or "collision": the element of the link in which the shape stands"""
+    """"visual" or "collision": the element of the link that contains the shape"""
 
 
 class Link(NamedTuple):
@@ -162,8 +162,8 @@ class UrdfTree:
 
         URDFs of simulators fix, slide or float a rover in a `world` link. Each joint of this chain is the only child
         joint of a link without mass, which is no part of the rover. A fixed joint counts only if the link above it has
-        a name such as `world` or `map`: `base_footprint`, for example, is fixed to `base_link` in the same way but is a
-        frame of the rover.
+        a name such as `world` or `map`: `base_footprint`, for example, is also fixed to `base_link` but is a frame of
+        the rover.
         """
         chain: list[Joint] = []
         link = self.roots[0] if self.roots else ""
@@ -195,7 +195,7 @@ class UrdfTree:
 
     @cached_property
     def _joints_of(self) -> dict[str, list[Joint]]:
-        """Return name of a parent link -> the joints of which it is the parent, in the order of the file."""
+        """Return name of a parent link -> its joints to child links, in the order of the file."""
         joints: dict[str, list[Joint]] = {}
         for joint in self.joints:
             joints.setdefault(joint.parent, []).append(joint)
@@ -209,7 +209,7 @@ class UrdfTree:
         """Yield the name of each joint that follows another joint by a `<mimic>`, and this relation.
 
         `differential` are the names of the two rockers that a differential joins, or None. The relation between the
-        rockers is left out, because the equation of motion (Eq (8) of the paper) has a separate constraint row for
+        rockers is not returned, because the equation of motion (Eq (8) of the paper) has a separate constraint row for
         it.
         """
         for joint in self.joints:

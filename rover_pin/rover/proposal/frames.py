@@ -4,7 +4,7 @@ names.
 The geometry of the wheels shows the direction of the axles and which side is up, but not which end is the front. The
 names of the wheels (front_left, wheel_rr, port) state the end and the side. A choice of axes (a frame) is accepted if
 no name contradicts the position of its wheel in the frame. If there is no such frame, the names and the geometry
-contradict each other, and only the user can say which is right.
+contradict each other, and only the user can decide which is right.
 """
 
 import itertools
@@ -149,7 +149,7 @@ def named_places(names: Sequence[str]) -> list[NamedPlace]:
 
 def _place(tokens: Iterable[str], single: set[str]) -> NamedPlace:
     """Return the end and the side that the words (`tokens`) of a wheel's name state. `single` contains the single
-    letters in the names of all wheels, which decide what a single r means.
+    letters in the names of all wheels, which decide the meaning of a single r.
     """
     end: int | None = None
     side: str | None = None

@@ -117,9 +117,7 @@ def new_rover(
 
 
 def _content(source: Path, trust: Trust) -> str:
-    """Return the text of a URDF file, or the URDF into which a xacro file is expanded. The errors are those of
-    `new_rover`.
-    """
+    """Return the text of a URDF file, or the URDF that xacro makes. For the errors, see `new_rover`."""
     if source.suffix != ".xacro":
         return urdf_text(source)
     if not trust.everything:

@@ -68,7 +68,7 @@ class Proposal:
 class Topology:
     """The tree of a URDF's joints, in the frame of the rover's base link.
 
-    Joints between a world link and the rover are left out. If several joints lead to one link, which closes a loop,
+    Joints between a world link and the rover are not returned. If several joints lead to one link, which closes a loop,
     only the first of these joints is kept, and the others are in `cut`.
 
     Attributes
@@ -117,7 +117,7 @@ class Topology:
 
     @property
     def moving(self) -> list[Joint]:
-        """Return the joints that move. The joints between a world link and the rover are left out."""
+        """Return the joints that move. The joints between a world link and the rover are not returned."""
         return [joint for joint in self.joints.values() if joint.moves and joint.name not in self.dropped]
 
     def below(self, joint: str, wheels: Sequence[str]) -> list[str]:

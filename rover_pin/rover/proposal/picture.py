@@ -1,4 +1,4 @@
-"""Picture of a rover for the user who checks a proposal: side view and plan view with the names of the joints, in which
+"""Picture of a rover for the user who checks a proposal: side view and plan view with the names of the joints, so that
 wrong guesses can be seen.
 """
 
@@ -35,8 +35,7 @@ class Name(NamedTuple):
 
 
 def place_names(axes: Sequence[Axes], names: Sequence[Sequence[Name]]) -> None:
-    """Write names into plots. Each name stands as near to its point as possible without covering another name or a
-    point.
+    """Write names into plots. Each name is drawn close to its point, without covering another name or a point.
 
     Positions are tried row by row, above and below the point, to its right, to its left and centred. A name that is not
     directly next to its point gets a line to the point. All names stay inside the plot. If no position is free, the

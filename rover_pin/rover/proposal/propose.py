@@ -35,17 +35,17 @@ MAX_OFFSET = 0.25
 offset do not form a pair."""
 MAX_RISE = 1.0
 """Largest height of a wheel's lowest point above the lowest point of all wheels, divided by the wheel's radius. A
-higher wheel does not stand on the ground and is left out. A small height is allowed, because suspensions droop at zero
+higher wheel is not on the ground and is ignored. A small height is allowed, because suspensions droop at zero
 angles."""
 AXLES = {2: "front rear", 3: "front middle rear", 4: "front second third rear", 5: "front second middle third rear"}
 """Number of axles -> names of the axles from front to rear."""
 WHEEL_WORDS = ("wheel", "tyre", "tire", "rad", "drive", "hub")
 """Words in the names of wheels. They show which joints are wheels if no drawn shape is round about the joint's axis."""
 MIN_TRAIL = 0.25
-"""Smallest distance of a wheel's centre from its swivel axis with which the wheel counts as a castor, divided by the
-wheel's radius. A steered wheel has a smaller distance."""
+"""Smallest distance of a castor's centre from its swivel axis, divided by the wheel's radius. A steered wheel has a
+smaller distance."""
 MAX_COSINE = 0.3
-"""Largest cosine of the angle between axle and swivel axis with which this angle counts as a right angle."""
+"""Largest cosine of the angle between axle and swivel axis that counts as a right angle."""
 ROLLER = r"mecanum|omni|(?<![a-z])rollers?(?![a-z])"
 """Pattern in the names of the rollers of an omnidirectional wheel."""
 TRACK = r"idler|sprocket|(?<![a-z])(?:tracks?|treads?|belts?)(?![a-z])"
@@ -71,7 +71,7 @@ def propose(tree: UrdfTree, folder: Path, front: str = "", size: WheelSize | Non
     tree : UrdfTree
         The URDF.
     folder : path
-        The folder of the URDF, in which its meshes are searched.
+        The folder of the URDF, which is searched for its meshes.
     front : str
         The axis of the base link that points forward, for example "-x"; if empty, the names of the wheels decide.
     size : WheelSize, optional
@@ -128,7 +128,7 @@ def _axis_against_mesh(view: Topology, folder: Path) -> Iterator[str]:
 
 
 def _no_axles(view: Topology, folder: Path, candidates: list[tuple[Joint, WheelSize]], front: str) -> str:
-    """Return the error message for a URDF in which fewer than two axles are found, with the probable reason.
+    """Return the error message for a URDF with fewer than two recognised axles, with the probable reason.
 
     The reasons are tested in this order: wheels of unknown size; joints with a wheel's name that do not turn by a full
     turn; no pairs of wheels opposite each other (if `front` is given: with this axis forward).
@@ -172,7 +172,7 @@ def _no_axles(view: Topology, folder: Path, candidates: list[tuple[Joint, WheelS
 
 
 def _front(view: Topology, options: list[Option], front: str) -> tuple[Option, str]:
-    """Return the choice of the rover's axes with which the positions of all wheels agree with their names, and a
+    """Return the choice of the rover's axes that makes the positions of all wheels agree with their names, and a
     comment on it for the TOML.
 
     If `front` is given, or if no name states an end or a side, the first of the options is returned.
@@ -323,7 +323,7 @@ def axles_of(
 
 
 def _pairs(wheels: list[GuessedWheel]) -> list[tuple[GuessedWheel, GuessedWheel]]:
-    """Return the pairs of wheels (left, right) that stand opposite each other and have equal size.
+    """Return the pairs of wheels (left, right) that lie opposite each other and have equal size.
 
     If a wheel has several possible partners, the nearest one is taken.
     """
@@ -343,8 +343,8 @@ def _pairs(wheels: list[GuessedWheel]) -> list[tuple[GuessedWheel, GuessedWheel]
 
 
 def upright(view: Topology, axles: list[GuessedAxle], rpy: Rpy) -> bool:
-    """Return whether the rover is the right way up with a choice of its axes: its centre of mass is above the lowest
-    point of its wheels. The rotation `rpy` turns the base link's axes to these axes.
+    """Return whether the rover is upright with a choice of its axes: its centre of mass is above the lowest point of
+    its wheels. The rotation `rpy` turns the base link's axes to these axes.
 
     If no link has a mass, the mean height of the links must be above the mean height of the wheels' centres.
     """

@@ -16,8 +16,8 @@ MAX_OFFSET = 0.5
 """Largest offset along x and z between the two pivots of a pair (left, right), and largest distance between the two
 halves of a rocker, divided by the wheel radius."""
 UPRIGHT_AXIS = 0.7
-"""Smallest cosine of the angle between an axis and the vertical with which the axis counts as upright. A joint with an
-upright axis steers, and is no pivot of the suspension."""
+"""Smallest cosine of the angle between an upright axis and the vertical. A joint with an upright axis steers, and is no
+pivot of the suspension."""
 BARS = ("diff", "bar", "brace", "balance")
 """Words in the names of bars that connect two rockers."""
 LEVELS = ("bogie", "second_bogie", "third_bogie")
@@ -112,7 +112,7 @@ def _named_pivots(
 
 
 def _partner(view: Topology, proposal: Proposal, left: Joint, others: list[Joint]) -> Joint | None:
-    """Return the pivot on the right side that belongs to a left pivot: it lies opposite, and the same number of joints
+    """Return the pivot on the right side that belongs to a left pivot: it lies opposite, and an equal number of joints
     carries it. If `others`, the pivots on the right side, contain no such pivot, the result is None.
     """
     r, rpy = proposal.wheels[0].size.r, proposal.base_rpy
@@ -126,7 +126,7 @@ def _partner(view: Topology, proposal: Proposal, left: Joint, others: list[Joint
 
 
 def _other_half(view: Topology, proposal: Proposal, joint: Joint, wheels: list[str]) -> bool:
-    """Couple a joint that carries one wheel to a pivot with the same axis, if there is such a pivot; return whether
+    """Couple a joint that carries one wheel to a pivot with an equal axis, if there is such a pivot; return whether
     there is one.
 
     Some URDFs divide a rocker into a front arm and a rear arm that turn about one pin, each with its own joint.
@@ -146,7 +146,7 @@ def _other_half(view: Topology, proposal: Proposal, joint: Joint, wheels: list[s
 
 
 def _find_differential(view: Topology, proposal: Proposal, sides: tuple[set[str], set[str]]) -> None:
-    """Set the differential of a proposal, if there is a pair of pivots of which each carries all wheels of its side.
+    """Set the differential of a proposal, if there is a pair of pivots that each carry all wheels of their side.
 
     Without a differential, a spring or a lock between two such pivots, nothing would hold the body upright. `sides` are
     the joints of the left wheels and of the right wheels.

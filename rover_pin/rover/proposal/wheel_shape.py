@@ -34,7 +34,7 @@ class WheelSize(NamedTuple):
 def wheel_size(tree: UrdfTree, joint: Joint, folder: Path, *, drawn_only: bool = False) -> WheelSize | None:
     """Return the size of the wheel that turns about a joint; None if the URDF does not show the size.
 
-    The size is that of the largest shape that is round about the joint's axis. A cylinder of about this radius is
+    The size belongs to the largest shape that is round about the joint's axis. A cylinder of about this radius is
     preferred to a mesh, because the author of the URDF stated its size. If no shape is round, the inertia gives a rough
     size, unless `drawn_only` is true.
 
@@ -45,7 +45,7 @@ def wheel_size(tree: UrdfTree, joint: Joint, folder: Path, *, drawn_only: bool =
     joint : Joint
         The joint of the wheel.
     folder : path
-        The folder of the URDF, in which its meshes are searched.
+        The folder of the URDF, which is searched for its meshes.
     drawn_only : bool
         Whether only the drawn shapes may show the size, and not the inertia.
     """
@@ -112,8 +112,8 @@ def _points(shape: Shape, folder: Path) -> np.ndarray | None:
 
 
 def _of_inertia(link: Link, axis: np.ndarray) -> WheelSize | None:
-    """Return the size of the solid cylinder with the same inertia as the link, about an axis [3]; None if there is no
-    such cylinder.
+    """Return the size of the solid cylinder whose inertia equals the link's inertia, about an axis [3]; None if there
+    is no such cylinder.
 
     A solid cylinder of mass m, radius r and width b has the moment of inertia m r^2 / 2 about its axis, and m (3 r^2 +
     b^2) / 12 across its axis. A real wheel has its mass further out or further in, so that the size is rough.
