@@ -85,7 +85,7 @@ class Contact(NamedTuple):
     v_y: Scalar
     """sideways speed of the wheel's centre along the ground, positive to the left of the direction of travel [m/s]"""
     v_n: Scalar
-    """speed with which the wheel's centre approaches the ground [m/s]"""
+    """approach speed of the wheel's centre to the ground [m/s]"""
     rim: Scalar
     "rim speed r omega, positive in the direction of travel [m/s]"
     x: Scalar
@@ -100,7 +100,7 @@ class Contact(NamedTuple):
     """depth of the ground under the wheel below the ground next to the wheel, which the sinkage h does not contain
     [m]"""
     loosened: Scalar = 0.0
-    """natural logarithm of the factor by which slip, skid and drift have reduced the stiffness of the sand [-]"""
+    """natural logarithm of the reduction factor of the sand's stiffness by slip, skid and drift [-]"""
 
     @property
     def travel(self) -> Scalar:
@@ -111,7 +111,7 @@ class Contact(NamedTuple):
         """Return the sense of travel v / sqrt(v^2 + u^2) [-], the factor of a resistance: 1 or -1 while the wheel
         travels and 0 at rest. With this factor a resistance opposes a motion and never pushes a wheel at rest.
 
-        v is the travel speed v_x, and u the speed below which the resistance fades (`fading`), which depends on the rim
+        v is the travel speed v_x, and u the minimum speed of the full resistance (`fading`), which depends on the rim
         speed, v_0 and q.
         """
         # A smooth sign function: u keeps the derivative finite where the wheel stands still.
@@ -130,19 +130,19 @@ def right_angle(first: Scalar, second: Scalar) -> Scalar:
 
 
 def fading(rim: Any, v_0: Scalar, q: Scalar) -> Any:
-    """Return the travel speed below which a resistance fades, u = v_0 (v_0 / sqrt(v_0^2 + (r omega)^2))^q [m/s], where
-    r omega is the rim speed.
+    """Return the minimum travel speed of a full resistance, which fades below it, u = v_0 (v_0 / sqrt(v_0^2 + (r
+    omega)^2))^q [m/s], where r omega is the rim speed.
 
     A resistance is a Coulomb force: at rest every fraction of it may act, and no result may depend on u. If the wheels
-    stand still, u is v_0 and nothing moves. If they turn, u falls with the rim speed, so that a wheel that stalls is
+    are at rest, u is v_0 and nothing moves. If they turn, u falls with the rim speed, so that a wheel that stalls is
     held and does not creep. Source: a regularisation (assumed); the exact result is the limit v_0 -> 0.
     """
     return v_0 * (v_0 / (v_0 * v_0 + rim * rim) ** 0.5) ** q
 
 
 class Load(NamedTuple):
-    """Forces and moments with which one contact patch acts on the wheel, described in its direction of travel. The
-    loads of several patches or effects are added.
+    """Forces and moments of one contact patch on the wheel, described in its direction of travel. The loads of several
+    patches or effects are added.
     """
 
     f_t: Scalar = 0.0

@@ -1,4 +1,4 @@
-"""Decide what a model lacks, and return the verdict: the answer, its probabilities and its held-out errors.
+"""Decide which effects a model lacks, and return the verdict: the answer, its probabilities and its held-out errors.
 
 The loop finds the effect that a model lacks. It fits the base model to measured data, computes the probability of each
 set of missing causes (package `inference`), decides the answer, and tests the model with the added causes on data that

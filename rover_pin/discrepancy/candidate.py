@@ -15,7 +15,7 @@ SHAPE_LOG_SD, SHAPE_RELATIVE_SD = 0.5, 0.3
 times its value if it may be negative.
 
 A fitted value further from the published one lowers the probability of the effect. The values are assumed: published
-shapes differ by about as much from soil to soil."""
+shapes differ by about this factor from soil to soil."""
 PUBLISHED = "as published, its SD assumed"
 """Text that reports print as the source of an effect's shape parameter."""
 PLACE_SPACING = 0.15
@@ -30,17 +30,17 @@ deviation of a wrong parameter from its declaration, in declared SDs.
 The fit gives the parameter a prior of this width. The value is assumed: a wrong declaration (a wrong unit, a confused
 column) is as a rule wrong by much."""
 MAX_LINEAR_RATIO = 50.0
-"""Ratio of the neutral value of an effect's size (at which the effect vanishes) to its default value, above which the
-logarithm of the size is fitted.
+"""Minimum ratio of the neutral value of an effect's size (at which the effect vanishes) to its default value. Above it,
+the logarithm of the size is fitted.
 
 On a linear scale, the neutral value would lie many steps away from the default, and a fit would not reach it. The value
 50 separates thresholds, whose neutral values are practically infinite, from all other sizes."""
 DEFAULT_SIZE = {"m": 0.01, "rad": 0.01}
-"""Size from which a fit starts if the default size of an effect is neutral (the effect vanishes at it), by unit: 10 mm
-and 10 mrad. The fit then determines the size, so that only the order of magnitude of the start matters."""
+"""Initial size in a fit if the default size of an effect is neutral (the effect vanishes at it), by unit: 10 mm and 10
+mrad. The fit then determines the size, so that only the order of magnitude of the start matters."""
 OTHER_DEFAULT_SIZE = 0.05
-"""Size from which a fit starts if the default size of an effect is neutral and its unit is not in DEFAULT_SIZE. The fit
-then determines the size, so that only the order of magnitude of the start matters."""
+"""Initial size in a fit if the default size of an effect is neutral and its unit is not in DEFAULT_SIZE. The fit then
+determines the size, so that only the order of magnitude of the start matters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +88,8 @@ class Candidate:
 
     @property
     def owner(self) -> str:
-        """Name under which a model holds the effect, without a place along the path. For a freed parameter, it is the
-        name of the part of the model that contains the parameter.
+        """Name of the effect in a model, without a place along the path. For a freed parameter, it is the name of the
+        part of the model that contains the parameter.
         """
         if self.released:
             return self.released.name.rpartition(".")[0]
@@ -177,8 +177,7 @@ def plain_candidate(effect: Any, owner: str = "") -> Candidate:
     effect : Effect
         The effect at its default size.
     owner : str, optional
-        Name under which a model holds the effect, `Kind[place]` if it acts at one place; by default the name of its
-        class.
+        Name of the effect in a model, `Kind[place]` if it acts at one place; by default the name of its class.
 
     Example: `plain_candidate(SlipSinkage()).amplitudes` is `("SlipSinkage.n_1",)`.
     """

@@ -152,8 +152,8 @@ def explorer_of(question: Question, progress: Progress) -> Explorer:
     """Fit the base model, and return an explorer of the sets of causes, for an experiment with exact derivatives of its
     prediction.
 
-    Raises OptimisationError if the fit converges from none of its start values; the message states what the model
-    cannot predict.
+    Raises OptimisationError if the fit converges from none of its start values; the message states which values the
+    model cannot predict.
     """
     experiment, model, noise = question.experiment, question.model, question.experiment.noise()
     numbers = tuple(map(proper, question.numbers))

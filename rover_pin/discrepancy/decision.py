@@ -14,7 +14,7 @@ from rover_pin.estimation.wording import MAX_NAMED, MIN_MENTIONED
 from rover_pin.inference.beliefs import Beliefs
 
 MAX_NOISE_RATIO = 3.0
-"""Ratio of a channel's residual to its declared noise, above which the residual counts as unexplained even if it looks
+"""Maximum ratio of a channel's residual to its declared noise. A larger residual counts as unexplained even if it looks
 like noise.
 
 The answer is then "none of these" instead of "no effect needed". Noise that was estimated from five repeats is too
@@ -28,8 +28,8 @@ class Decision(NamedTuple):
     retained: tuple[str, ...] = ()
     """names of the causes that are added to the base model (called the kept causes)"""
     sets: tuple[tuple[str, ...], ...] = ()
-    """most probable sets of causes, whose probabilities together exceed CONFIDENCE; a set that contains a more probable
-    set and adds causes to it is left out"""
+    """most probable sets of causes, whose probabilities together exceed CONFIDENCE; without sets that contain a more
+    probable set and add causes to it"""
     otherwise: tuple[str, ...] = ()
     """names of the parameters whose declared values are wrong, if no effect is missing"""
 
@@ -75,7 +75,7 @@ def decide(beliefs: Beliefs) -> Decision:
 def _leading(beliefs: Beliefs) -> tuple[tuple[str, ...], ...]:
     """Return the most probable sets of causes, as few as together exceed CONFIDENCE.
 
-    A set that contains a more probable set and only adds causes to it is left out.
+    A set that contains a more probable set and only adds causes to it is not returned.
     """
     total = 0.0
     leading: list[tuple[str, ...]] = []
@@ -154,7 +154,7 @@ def beyond_noise(names: Sequence[str], beliefs: Beliefs) -> dict[str, float]:
     """Return the channels whose residual is too large to be noise: the ratio of the residual to the noise, by name of
     the channel.
 
-    The residual is that of the base model with the causes `names`. Only channels with a ratio above MAX_NOISE_RATIO are
+    The residual belongs to the base model with the causes `names`. Only channels with a ratio above MAX_NOISE_RATIO are
     returned.
     """
     return {name: ratio for name, ratio in beliefs.noise_taken(names).items() if ratio > MAX_NOISE_RATIO}

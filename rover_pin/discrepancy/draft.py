@@ -11,7 +11,7 @@ from rover_pin.estimation.fit import Fit
 
 MAX_LOG_ODDS = 50.0
 """Largest logarithm of odds that a sentence states, for the odds of a model with the drafted effect against the model
-without it. Larger odds are stated as e^50, which is 5e21; a larger number would tell a reader nothing more."""
+without it. Larger odds are stated as e^50, which is 5e21; a larger number would not help a reader."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class Draft:
     fit: Fit | None = field(default=None, repr=False)
     """fit with the drafted effect; None if no fit converged"""
     log_odds: float = -math.inf
-    """log evidence of the model with the drafted effect minus that of the model without it [nats]"""
+    """log evidence of the model with the drafted effect minus log evidence of the model without it [nats]"""
     held_out_gain: float = math.nan
     """decrease of the held-out chi2 by the drafted effect; NaN if the model with the effect fails to predict a fold
     (group of samples left out together) that the model without the effect predicts"""

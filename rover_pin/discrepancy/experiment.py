@@ -36,16 +36,14 @@ class Parts:
     effects: tuple[Any, ...] = ()
 
     def having(self, effect: Any) -> Self:
-        """Return the model with this effect added; an effect of the same class that the model already has
-        is replaced.
-        """
+        """Return the model with this effect added; an effect of its class that the model already has is replaced."""
         # A model has at most one effect of each class, so that an effect can be replaced by adding it again.
         others = (present for present in self.effects if type(present) is not type(effect))
         return replace(self, effects=(*others, effect))
 
 
 class FileExperiment(Experiment, LoopData):
-    """An experiment that is complete in one file, for which the loop can search missing effects.
+    """An experiment that is complete in one file. The loop can search missing effects with it.
 
     A derived class implements `read`, `base_model`, `uncertain`, `candidates` and `predict`. The command `rover-pin
     close-loop DATA --experiment FILE` runs the loop on it. `experiments/motor_brake.py` is a short example, and
@@ -87,7 +85,7 @@ class FileExperiment(Experiment, LoopData):
         return {**model.records, **{type(effect).__name__: effect for effect in model.effects}}
 
     def replace_record(self, model: Parts, owner: str, record: Any) -> Parts:
-        """Return the model in which the record or effect called `owner` is replaced by `record`."""
+        """Return the model with `record` in place of the record or effect called `owner`."""
         # The owner is an effect, which `having` replaces by its class.
         if owner not in model.records:
             return model.having(record)

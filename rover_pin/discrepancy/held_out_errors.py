@@ -1,7 +1,7 @@
 """Held-out errors: every fold is predicted by a fit to all other folds, and the error of this prediction is reported.
 
-A fold is a group of samples that cross-validation leaves out together, such as a run or all samples with the same slip.
-A sample is a measured value of one channel that is compared with the prediction; in a drive log each sample is the mean
+A fold is a group of samples that cross-validation holds out together, such as a run or all samples with one slip. A
+sample is a measured value of one channel that is compared with the prediction; in a drive log each sample is the mean
 over a short time. "Before" and "after" mean: without and with the causes that the loop added to the model.
 """
 
@@ -23,8 +23,8 @@ from rover_pin.estimation.residual import huber, huber_losses
 from rover_pin.estimation.wording import Change, format_value
 
 BOOTSTRAP_DRAWS = 2000
-"""Number of resampled data sets from which the bootstrap computes an interval. With 2000, the ends of a 95 % interval
-vary by about 0.06 SD from seed to seed; more would only cost time."""
+"""Number of resampled data sets in the bootstrap of an interval. With 2000, the ends of a 95 % interval vary by about
+0.06 SD from seed to seed; more would only cost time."""
 REFIT_SIZE_SD = 3.0
 """Prior SD of an effect's size in the fit without one fold, in default sizes; the prior has its mean at the size fitted
 to all folds.
@@ -219,7 +219,7 @@ def _change_interval(sums: np.ndarray, power: float, random: np.random.Generator
     stretches.
 
     `sums` (2, stretches) are the sums of the squared residuals of each stretch before and after causes were added. Both
-    rows are resampled together, so that the errors are compared on the same stretches.
+    rows are resampled together, so that the errors are compared on common stretches.
     """
     # The same stretches are drawn for both sides, so that their common scatter cancels in the ratio.
     draws = random.integers(0, sums.shape[1], (BOOTSTRAP_DRAWS, sums.shape[1]))

@@ -18,8 +18,8 @@ from rover_pin.estimation.profile import CONFIDENCE
 from rover_pin.estimation.wording import format_value
 
 RIVAL_RATIO = 0.95
-"""Ratio of a rival's held-out error to the model's error, below which the rival counts as better. The value is assumed:
-a difference of less than 5 % is not visible in any table and shows little about the model."""
+"""Maximum ratio of a better rival's held-out error to the model's error. The value is assumed: a difference of less
+than 5 % is not visible in any table and shows little about the model."""
 
 
 def is_better(error: float, floor: float, model_error: float) -> bool:
@@ -32,7 +32,7 @@ def is_better(error: float, floor: float, model_error: float) -> bool:
     error, model_error : float
         Held-out RMSE of the curve and of the model, in the unit of the channel.
     floor : float
-        Noise of the channel, in the same unit.
+        Noise of the channel, in the unit of the errors.
     """
     return max(error, floor) < RIVAL_RATIO * model_error
 
@@ -90,8 +90,8 @@ def against_rivals(verdict: Verdict, rivals: Sequence[Baseline], same_inputs: bo
     errors.
 
     If a curve predicts a channel better, the answer becomes INADEQUATE (an answer NONE_FITS is kept), and the verdict's
-    sentence starts with this comparison. `same_inputs` states whether the curves use the same inputs as the model. If
-    they do not, a better curve is only a caution: odometry, for example, reads the measured wheel rates.
+    sentence starts with this comparison. `same_inputs` states whether the curves use the inputs of the model. If they
+    do not, a better curve is only a caution: odometry, for example, reads the measured wheel rates.
     """
     # Every better curve is a caution; whether it also changes the answer is decided below.
     cautions = losses(verdict.scores, rivals)

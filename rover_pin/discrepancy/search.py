@@ -7,7 +7,7 @@ every set that adds one or two candidates to the fit. The most promising set is 
 evidence and new estimates of the sets that extend it. The search ends when no estimate of an unfitted set comes near
 the best fit.
 
-An effect that may act at any place along the path has the same prior probability as any other, divided among its
+An effect that may act at any place along the path has the prior probability of any other effect, divided among its
 places.
 """
 
@@ -39,15 +39,14 @@ from rover_pin.inference.priors import COUNT_PRIORS
 from rover_pin.inference.residual_function import with_functions
 
 FIRST_EDGE_STEP, LAST_EDGE_STEP = 0.08, 0.02
-"""First and last step [m] of the search for the best place of a local effect, by which the edges of its stretch of path
-are moved.
+"""First and last displacement [m] of the edges of a local effect's stretch of path, in the search for its best place.
 
-The last step is near the distance that a rover drives between two samples (0.025 m in half a second), below which the
-data cannot place an edge."""
+The last step is near the distance that a rover drives between two samples (0.025 m in half a second); the data cannot
+place an edge more finely."""
 RETRY_SIZE = 0.1
-"""Fraction of the estimated size of a cause, from which a fit is repeated if it ended with a larger chi2 than the fit
-without the cause. The estimated size was then too large for the linear model; at a tenth of this size the linear model
-is accurate enough for a start."""
+"""Initial size of a cause in a repeated fit, as a fraction of its estimated size. A fit is repeated if it ended with a
+larger chi2 than the fit without the cause. The estimated size was then too large for the linear model; at a tenth of
+this size the linear model is accurate enough for a start."""
 
 
 def fitted_with(
@@ -199,9 +198,9 @@ def as_declared(fitted: Fit) -> Fit:
 
 
 MAX_FITS = 12
-"""Number of fitted sets of causes, above which a further set is fitted only if its estimated score is higher than the
-scores of all fitted sets. Each fit of a drive log takes minutes. The probable sets are assumed to be among the first
-twelve fitted ones."""
+"""Number of sets of causes that are fitted first. A further set is fitted only if its estimated score is higher than
+the scores of all fitted sets. Each fit of a drive log takes minutes. The probable sets are assumed to be among the
+first twelve fitted ones."""
 FIT_MARGIN = 5.0
 """Largest difference between the best score of a fitted set and the estimated score of another set [nats], at which the
 other set is still fitted. An estimate is assumed to be wrong by less than 5 nats, a factor of 150 in probability."""
@@ -240,15 +239,15 @@ class Search:
     parted: set[Names] = field(default_factory=set)
     """sets of causes whose subsets were also fitted, starting from the fit of the whole set"""
     shortfalls: dict[str, float] = field(default_factory=dict)
-    """amount [nats] by which estimates with a cause are too high, by name of the cause: the smallest difference between
-    the estimated log evidence and that of the fit. It is subtracted from further estimates with this cause. The
-    difference arises if the change of the prediction is not proportional to the size of the effect"""
+    """excess [nats] of estimates with a cause, by name of the cause: the smallest difference between the estimated log
+    evidence and the log evidence of the fit. It is subtracted from further estimates with this cause. The difference
+    arises if the change of the prediction is not proportional to the size of the effect"""
     lost: set[Names] = field(default_factory=set)
-    """sets for which no fit converged"""
+    """sets without a converged fit"""
 
     def beliefs(self) -> Beliefs:
         """Return the probabilities of all sets of causes, fitted or estimated. Sets whose estimated score is more than
-        FOLLOW_MARGIN below the best score are left out.
+        FOLLOW_MARGIN below the best score are dropped.
         """
         least = self.best_score() - FOLLOW_MARGIN
         estimates = [row for row in self._open() if self.score(row) > least]
@@ -258,7 +257,7 @@ class Search:
     def _open(self) -> list[LinearHypothesis]:
         """Return the estimates of the sets of causes that are not fitted, corrected by `shortfalls`.
 
-        The log evidence is reduced by these amounts, because earlier estimates with the same causes were too high.
+        The log evidence is reduced by these amounts, because earlier estimates with these causes were too high.
         """
         rows = [row for names, row in self.estimates.items() if names not in self.fitted and names not in self.lost]
         return [
@@ -305,7 +304,7 @@ class Search:
         """Complete each unfinished fit that may still exceed the best score by more than FIT_MARGIN, and return whether
         there was such a fit.
 
-        A fit may still gain as much as the decrease of its loss that its derivatives predict.
+        A fit may still gain the decrease of its loss that its derivatives predict.
         """
         # A fit with reused derivatives may have stopped early; only fits that can still win are continued.
         best = self.best_score()
@@ -369,12 +368,12 @@ class Search:
         return best if best and tried[best] > self.best_score() - margin else frozenset()
 
     def _rises(self) -> dict[int, float]:
-        """Return by how much estimates from an expansion were too low [nats], by the `id` of the expansion.
+        """Return the deficit of estimates from an expansion [nats], by the `id` of the expansion.
 
-        This is the largest amount by which the log evidence of a fit exceeded its estimate from the expansion. The
-        amounts correct further estimates from the same expansion. Amounts below FIT_MARGIN count as 0. They arise
-        because large residuals count less than squared (Huber's loss), so that estimates around a fit with large
-        residuals are too low.
+        This is the largest excess of the log evidence of a fit over its estimate from the expansion. The amounts
+        correct further estimates from this expansion. Amounts below FIT_MARGIN count as 0. They arise because large
+        residuals count less than squared (Huber's loss), so that estimates around a fit with large residuals are too
+        low.
         """
         rises: dict[int, float] = {}
         for names in self.fitted.keys() & self.estimates.keys():
@@ -386,7 +385,7 @@ class Search:
     def _note(self, causes: Sequence[Cause], fitted: Fit) -> None:
         """Store the fit of a set of causes, and estimate from it the evidence of every set with one more cause.
 
-        From the fit of the base model, every set of two causes is estimated as well.
+        Every set of two causes is also estimated, from the fit of the base model.
         """
         # One expansion with the columns of all candidates serves all estimates from this fit.
         columns = [option.column for option in self.options.values()]

@@ -59,7 +59,7 @@ class Signature:
         return next(name for name, value in self.amplitudes.items() if value != self._neutral(name))
 
     def start_numbers(self, u: float) -> dict[str, float]:
-        """Return the value of each size of the candidate [SI], by name, from which a fit with this candidate starts.
+        """Return the initial value of each size of the candidate [SI] in a fit, by name.
 
         `u` is the size that the linear model estimates, in SIZE_SD default sizes. A size that is fitted on a logarithm
         starts from the value at which it was tried, because the linear model does not hold for such a size.
@@ -188,7 +188,7 @@ def options(start: Fit, rows: Sequence[Signature], is_optimum: bool = True) -> l
     Parameters
     ----------
     start : Fit
-        The fit to which a candidate would be added.
+        The fit that a candidate would be added to.
     rows : sequence of Signature
         Signatures of all candidates on this fit.
     is_optimum : bool

@@ -83,8 +83,8 @@ class Verdict:
     """the answer as a sentence, with probabilities"""
     model: Any = field(repr=False)
     effects: tuple[Any, ...] = ()
-    """effects of the kept model, with their fitted values, that were added to the base model or of which a parameter
-    was freed from its prior"""
+    """effects of the kept model, with their fitted values, that were added to the base model, or that have a parameter
+    that was freed from its prior"""
     named: tuple[str, ...] = ()
     """names of the causes that were added to the base model; a parameter that was freed from its prior counts as a
     cause"""
@@ -148,13 +148,15 @@ class Verdict:
 
     @property
     def agreeing_folds(self) -> int:
-        """Number of folds whose data the choice does not depend on: without them, the loop chooses the same causes."""
+        """Number of folds whose data the choice does not depend on: without them, the loop chooses the causes of the
+        verdict.
+        """
         return sum(set(name.split(" + ")) == set(self.named or ("",)) for name in self.chosen.values())
 
     @property
     def chosen_again(self) -> str:
-        """Text for a report on the stability of the choice: the number of folds without which the loop chooses the same
-        causes.
+        """Text for a report on the stability of the choice: the number of folds that do not change the chosen causes if
+        they are held out.
         """
         if not self.named:
             # Nothing was added: count each set that was chosen without a fold.
@@ -167,8 +169,8 @@ class Verdict:
         return f"{' + '.join(self.named)} chosen in {self.agreeing_folds} of {len(self.chosen)} folds{among}"
 
     def _errors_text(self, errors: dict[str, float]) -> str:
-        """Return the errors of the channels (by name) as text with units; a channel without a held-out score is left
-        out.
+        """Return the errors of the channels (by name) as text with units; a channel without a held-out score is
+        omitted.
         """
         units = {score.name: score.unit for score in self.scores}
         return ", ".join(
@@ -261,15 +263,15 @@ class Verdict:
 
 
 MAX_FULL_SUMMARY = 5
-"""Largest number of channels for which a summary has a line for each channel and each parameter. With more channels, it
-shows only significant changes, so that it stays on one page; a drive log has about twenty channels, a rig up to five.
+"""Largest number of channels in a summary with a line for each channel and each parameter. With more channels, it shows
+only significant changes, so that it stays on one page; a drive log has about twenty channels, a rig up to five.
 """
 CLAIMED = Outcome.BETTER, Outcome.WORSE, Outcome.LOST
 """Outcomes of a change of error that a long summary always shows."""
 
 
 def plain(value: Any) -> Any:
-    """Return nested values in which NaN and infinities are replaced by None, because JSON has no such numbers."""
+    """Return nested values with None in place of NaN and infinities, because JSON has no such numbers."""
     if isinstance(value, dict):
         return {str(key): plain(element) for key, element in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,9 +1,9 @@
 """Find the clock of a recording: the column that holds the time, and its unit.
 
 A recording rarely states which column is its clock. `clocks` lists the candidates, with a prior probability for each
-unit. `joint_choice` later takes the unit in which wheels and positions agree. A clock that overflows, decreases, or has
-too few digits is repaired here if its times can be reconstructed. Otherwise the error message states the fault of each
-column that may be a clock.
+unit. `joint_choice` later takes the unit that makes wheels and positions agree. A clock that overflows, decreases, or
+has too few digits is repaired here if its times can be reconstructed. Otherwise the error message states the fault of
+each column that may be a clock.
 """
 
 import math
@@ -33,14 +33,14 @@ SINCE_1970 = (9e8, 2.2e9)
 """Times [s] between these limits are taken as seconds since 1970. The limits are the years 1998 and 2039."""
 FRACTIONS = {"nanosec": 1e-9, "nanosecs": 1e-9, "nsec": 1e-9, "nsecs": 1e-9, "usec": 1e-6, "microsec": 1e-6}
 """Ending of a column name -> unit [s] of the fraction of a second that the column holds. Another column holds the whole
-seconds of the same time stamp."""
+seconds of this time stamp."""
 FRACTION = re.compile(rf"(.*?)({'|'.join(FRACTIONS)})")
 MAX_LATE_SHARE = 0.01
 """Maximum fraction of rows whose time does not exceed all earlier times. In a table of more than 51 rows, 0.2 is added
 to it. Up to this fraction, such rows are dropped. With more of them, the column is not taken as a clock."""
 MAX_REPEATS = 0.02
-"""Fraction of rows that repeat the time of the row before, above which the clock may have too few digits. The rows are
-then tested for even spacing in time."""
+"""Maximum fraction of rows that repeat the time of the row before. With a larger fraction, the clock may have too few
+digits. The rows are then tested for even spacing in time."""
 MIN_CHANGES = 10
 """Minimum number of value changes of a clock with too few digits. With this number, the time between two rows is known
 to about 2 %. A clock with fewer changes is not used."""
@@ -326,8 +326,7 @@ def whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def restarts(t: np.ndarray) -> list[int]:
-    """Return the rows at which another recording begins in the same file, because the clock decreases there and goes
-    on.
+    """Return the rows at which another recording begins in the file, because the clock decreases there and goes on.
 
     The list is empty if the file holds one recording. A late message also has a smaller time than the row before, but
     the following rows soon exceed the earlier maximum again.
@@ -355,8 +354,8 @@ def wrapped_clock(values: np.ndarray, begins: Sequence[int]) -> np.ndarray | Non
     """Return the times of a clock that overflowed, continued past each overflow; None if the decreases are no
     overflows.
 
-    Overflows are recognised by their size: that of a counter of 16 or 32 bits, of an hour or a day in s, of a day in
-    ms, or of a week in s or ms.
+    Overflows are recognised by their size: the range of a counter of 16 or 32 bits, of an hour or a day in s, of a day
+    in ms, or of a week in s or ms.
 
     Parameters
     ----------
@@ -408,7 +407,7 @@ def _runs(t: np.ndarray, rank: int) -> bool:
     """Return whether a column increases from row to row like a clock, with few exceptions.
 
     If the name of the column does not mean time (rank 3 of `_rank`), the times must also be evenly spaced. A column
-    with only the nanoseconds of time stamps is a sawtooth, in which hardly any row exceeds all earlier rows. For such a
+    with only the nanoseconds of time stamps is a sawtooth: hardly any of its rows exceeds all earlier rows. For such a
     column the result is False.
     """
     # In a long table, a fifth of the rows more may be late or repeated.

@@ -39,14 +39,14 @@ LACKS = {
     "body_z": "no height: slopes are computed from the pitch alone",
     "body_roll": "no roll: the loads of the left and right wheels are taken as equal",
 }
-"""Text in a channel name -> sentence on what the loop cannot do if no channel name contains this text. A raw current
+"""Text in a channel name -> sentence on the limits of the loop if no channel name contains this text. A raw current
 counts as a current."""
 BOTH_WAYS_SHARE = 0.05
 """Minimum fraction of the driven rows that must go forwards, and also backwards, if a rover counts as driving in both
 directions."""
 TURNING_SHARE = 0.1
 """A wheel counts as turning if its rate exceeds this fraction of its fastest rate. A lower rate counts as the noise of
-a standing wheel."""
+a wheel at rest."""
 NOT_DRIVEN = (
     "the wheels never turn for 8 s without a stop, so there is no drive to compare with a simulation: give a recording "
     "with a longer drive."
@@ -55,7 +55,7 @@ NOT_DRIVEN = (
 
 
 class Source(NamedTuple):
-    """One recording as it was read from a file, before its columns are matched to channels."""
+    """One recording after reading from a file, before its columns are matched to channels."""
 
     path: Path
     table: pd.DataFrame
@@ -101,7 +101,7 @@ def match_columns(sources: Sequence[Source], rover: Rover, declared: Mapping[str
     Parameters
     ----------
     sources : sequence of Source
-        Recordings with the same columns. A recording that lacks a column of the first recording is left out.
+        Recordings with equal columns. A recording that lacks a column of the first recording is skipped.
     rover : Rover
         The rover that was driven.
     declared : mapping
@@ -110,7 +110,7 @@ def match_columns(sources: Sequence[Source], rover: Rover, declared: Mapping[str
     Raises
     ------
     DataError
-        No clock, position or wheel rates are found, or the columns can be interpreted in several ways. The message
+        No clock, position or wheel rates are found, or the columns have several possible interpretations. The message
         states the most probable interpretations and the option --column that decides between them.
     """
     tables = {item.path: item.table for item in sources}
@@ -215,7 +215,7 @@ def _reading(
     Returns
     -------
     tuple
-        The interpretation; the selection with its probabilities; the possible columns from which it was selected; the
+        The interpretation; the selection with its probabilities; the possible columns that it was selected from; the
         signals of each file.
 
     Raises
@@ -378,7 +378,7 @@ def _near_the_origin(guesses: Mapping[str, Guess], recordings: Mapping[Path, Rec
     """Yield new sources of body_x and body_y with an offset (a multiple of 10 m) if the positions are map coordinates
     far from 0.
 
-    The offset is needed because terrain files do not allow coordinates as large as those of a map grid.
+    The offset is needed because terrain files do not allow the large coordinates of a map grid.
     """
     values = _values(next(iter(recordings.values())), guesses.values())
     for name in ("body_x", "body_y"):
@@ -391,7 +391,7 @@ def _near_the_origin(guesses: Mapping[str, Guess], recordings: Mapping[Path, Rec
 
 
 def share_back(rates: np.ndarray) -> float:
-    """Return the fraction of the rows with a turning wheel in which the wheel turns backwards.
+    """Return the fraction of backward rotation among the rows with a turning wheel.
 
     `rates` are the rates of one wheel [rad/s] (rows,).
     """

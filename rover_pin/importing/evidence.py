@@ -1,4 +1,4 @@
-"""Bayes factors by which possible interpretations of the columns of a recording are compared.
+"""Bayes factors for the comparison of possible interpretations of a recording's columns.
 
 A Bayes factor is the probability of the data if two signals are related, divided by the probability of the data if they
 are unrelated. An interpretation of the columns implies such relations. For example, the rim speed x and the ground

@@ -41,8 +41,8 @@ MAX_RUNS = 12
 each of them hundreds of times."""
 
 LARGE = 5_000_000
-"""Size of a file [bytes] above which the program announces that it is reading the file, because reading then takes
-long."""
+"""Maximum size of a file [bytes] that is read without an announcement. Reading a larger file takes long, so the program
+announces it."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def import_log(
     Parameters
     ----------
     recordings : sequence of paths
-        Files with the same columns: CSV and other text, Parquet, .mat, ROS bags, MCAP, lines of JSON. A file may hold
+        Files with equal columns: CSV and other text, Parquet, .mat, ROS bags, MCAP, lines of JSON. A file may hold
         several recordings.
     rover : str or path
         The rover that was driven: a name, or a TOML file as `rover-pin new-rover` writes it.
@@ -265,9 +265,7 @@ class _Piece(NamedTuple):
 
 
 def _pieces(mapping: Matching, rover: Rover, most: int) -> tuple[list[_Piece], list[str]]:
-    """Cut all recordings into runs, keep at most `most` of them, and return these runs with notes on what was
-    left out.
-    """
+    """Cut all recordings into runs, keep at most `most` of them, and return them with notes on the omitted ones."""
     drives = {path: drive_of(file.t, mapping.values[path], rover) for path, file in mapping.recordings.items()}
     pieces = [_Piece(path, drive, part) for path, drive in drives.items() for part in parts(drive)]
     empty = [path.name for path in drives if path not in {piece.path for piece in pieces}]

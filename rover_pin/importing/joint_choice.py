@@ -37,7 +37,7 @@ without scrub."""
 MAX_BLOCKS, MIN_ROWS = 300, 10
 """Maximum number of blocks over which the signals of a file are averaged, and minimum number of rows of a block."""
 SAME = 0.02
-"""Maximum relative difference between the numbers of two choices, for example of two position columns, up to which the
+"""Maximum relative difference between the numbers of two choices, for example of two position columns. Up to it, the
 user need not choose between them."""
 
 
@@ -157,7 +157,7 @@ def log_likelihood(blocks: Signals, options: Options) -> np.ndarray:
     blocks : Signals
         The signals of one file.
     options : Options
-        The possible columns from which the signals were computed.
+        The possible columns that the signals were computed from.
     """
     free = np.array([choice.free for choice in options.wheels])
     size = np.linalg.norm(blocks.rims, axis=1)
@@ -255,7 +255,7 @@ def log_prior(blocks: Signals, options: Options) -> np.ndarray:
     blocks : Signals
         The signals of one file.
     options : Options
-        The possible columns from which the signals were computed.
+        The possible columns that the signals were computed from.
     """
     # A position in mm that is taken as m gives a thousandfold speed, which this prior makes improbable.
     pace = np.log(np.maximum(np.sqrt(np.mean(np.abs(blocks.places) ** 2, axis=1)), 1e-12))
@@ -308,7 +308,7 @@ def choose(
     lasts : sequence of float
         Duration of the first file by each possible clock [s].
     options : Options
-        The possible columns from which the signals were computed.
+        The possible columns that the signals were computed from.
     weights : sequence of float
         Log prior of each possible clock.
 
@@ -339,8 +339,8 @@ def choose(
 
 
 def _same_numbers(blocks: Signals, lasts: Sequence[float], options: Options, best: tuple[int, ...]) -> list[np.ndarray]:
-    """Return, for clock, position, heading and wheels, a mask of the possible columns with the same numbers as the
-    chosen one.
+    """Return, for clock, position, heading and wheels, a mask of the possible columns whose numbers equal the numbers
+    of the chosen one.
 
     Such columns count as one choice, because it does not matter which of them is taken. Each of the four masks has one
     entry for each possible column.
@@ -356,7 +356,7 @@ def _same_numbers(blocks: Signals, lasts: Sequence[float], options: Options, bes
     """
 
     def like(values: np.ndarray, at: int, tolerance: float = SAME) -> np.ndarray:
-        """Return a mask of the choices whose values differ from those of choice `at` by at most the relative
+        """Return a mask of the choices whose values differ from the values of choice `at` by at most the relative
         tolerance.
         """
         # A missing signal (NaN) is compared as 0, so that two choices without this signal count as equal.

@@ -33,11 +33,11 @@ MIN_DISTANCE = 3.0
 column's other values. The limit applies to columns other than positions: currents and rates jump whenever a motor
 starts, so a jump alone does not show a code."""
 MIN_REPEATS = 3
-"""Minimum number of rows with exactly the same coordinate from which this number is tested as a code for a missing
+"""Minimum number of rows with exactly one coordinate. From it on, this coordinate is tested as a code for a missing
 position, although `CODES` does not list it."""
 MIN_FROZEN, FROZEN_RATIO = 5, 10.0
-"""Minimum number of equal rows from which a position counts as frozen: as a number of rows, and as a multiple of the
-usual number of equal rows. A receiver of 1 Hz in rows of 20 Hz repeats each position 20 times and is not frozen."""
+"""Minimum number of equal rows of a frozen position: as a number of rows, and as a multiple of the usual number of
+equal rows. A receiver of 1 Hz in rows of 20 Hz repeats each position 20 times and is not frozen."""
 MAX_LOST_SHARE = 0.5
 """Maximum fraction of a position's rows that may be without a measurement. If the fraction is larger, the recording is
 refused."""
@@ -132,7 +132,7 @@ def _places(words: Sequence[Word]) -> Iterator[tuple[str, str]]:
 def _huge(table: pd.DataFrame, words: Sequence[Word]) -> Iterator[Lost]:
     """Yield the cells whose number is larger than MAX_NUMBER, so that it is no measurement.
 
-    Columns that have the same such number in the same rows are yielded together.
+    Columns that have such a number in common rows are yielded together.
     """
     found: dict[tuple[float, bytes], list[str]] = {}
     for item in words:
@@ -150,7 +150,7 @@ def _codes(table: pd.DataFrame, words: Sequence[Word], pairs: Sequence[tuple[str
     """Yield the cells that hold a code for a missing value, such as -9999: first in positions, then in all other
     columns.
 
-    If other columns, for example the height, hold the code of a position in the same rows, these cells are yielded too.
+    If other columns, for example the height, hold the code of a position in these rows, their cells are yielded too.
     """
     numbers = {item.name: table[item.name].to_numpy(dtype=float) for item in words}
     taken: set[str] = set()
@@ -217,9 +217,7 @@ def _is_far_from_neighbours(values: np.ndarray, rows: np.ndarray) -> bool:
 
 
 def _frozen(table: pd.DataFrame, x: str, y: str) -> Iterator[Lost]:
-    """Yield the rows in which a position is frozen: it repeats one value, then jumps to where the rover has driven
-    meanwhile.
-    """
+    """Yield the rows of a frozen position: it repeats one value, then jumps to the rover's present position."""
     # Both coordinates are one complex number, so that a step is zero only if neither changes.
     place = table[x].to_numpy(dtype=float) + 1j * table[y].to_numpy(dtype=float)
     known = np.flatnonzero(np.isfinite(place))

@@ -36,7 +36,7 @@ LOG_TILT = (math.log(0.07), 1.2)
 degrees and radians."""
 NOSE_DOWN_SHARE, RIGHT_DOWN_SHARE = 0.6, 0.98
 """Prior probability that positive pitch means nose down, and prior probability that positive roll means right side
-down. Both signs are those of axes with x ahead and z up."""
+down. Both signs hold for axes with x ahead and z up."""
 DUTY_SCALES = {0.01: 0.7, 1.0 / 255.0: 0.3}
 """Factor -> prior probability. The factors convert a duty without a unit whose values exceed 1 to a fraction: from
 percent, or from counts of 255."""
@@ -238,7 +238,7 @@ def _relation(x: np.ndarray, y: np.ndarray, prior: tuple[float, float] | None) -
     """Return the log Bayes factor that two signals (rows,) are related by y = b x with b > 0, compared with unrelated
     signals.
 
-    Rows in which one of the signals is missing are left out. The result is 0 if fewer than 10 rows remain.
+    Rows without one of the signals are omitted. The result is 0 if fewer than 10 rows remain.
 
     `prior` holds the expected mean and SD of log b; None means that b is unknown.
     """
@@ -252,7 +252,7 @@ def _relation(x: np.ndarray, y: np.ndarray, prior: tuple[float, float] | None) -
 def _of_wheels(words: Sequence[Word], rover: Rover, kind: set[str], order: Mapping[str, str]) -> WheelOptions:
     """Return, for each wheel, the columns that may hold one quantity of this wheel, such as its current or its duty.
 
-    A family is a group of columns whose names differ only by the wheel. The columns are those of the best family whose
+    A family is a group of columns whose names differ only by the wheel. The columns belong to the best family whose
     name has a word for the quantity.
 
     Parameters
@@ -260,8 +260,7 @@ def _of_wheels(words: Sequence[Word], rover: Rover, kind: set[str], order: Mappi
     kind : set of str
         Words that mean the quantity, for example current or duty.
     order : mapping
-        Number in a column name -> wheel, in the order in which the wheel rates are numbered; empty if they have no
-        numbers.
+        Number in a column name -> wheel, in the order of the numbers of the wheel rates; empty if they have no numbers.
     """
     # The rate of a current and the voltage of the battery are other quantities.
     unlike = called.RATE - {"v", "w"} | {"battery"}
@@ -291,9 +290,8 @@ def _complete_duties(
 ) -> tuple[WheelOptions, list[str]]:
     """Return the possible duty columns of every wheel, and questions to the user about wheels without a duty.
 
-    A simulated drive needs the duty of every wheel. If all recorded wheels of each side have the same duty, as skid
-    steering commands it, a wheel without a recorded duty gets the duty of its side. Otherwise no duty column is
-    returned at all.
+    A simulated drive needs the duty of every wheel. If all recorded wheels of each side have one duty, as skid steering
+    commands it, a wheel without a recorded duty gets the duty of its side. Otherwise no duty column is returned at all.
     """
     # A wheel without a duty gets the duty of its side only if all recorded duties of each side are equal.
     complete = dict(duties)
@@ -354,9 +352,9 @@ def _joints(words: Sequence[Word], rover: Rover) -> Iterator[tuple[str, Word]]:
 STANDARD_GRAVITY = 9.80665
 """Acceleration that corresponds to 1 g [m/s^2]. The local gravity on Earth differs from it by less than 0.3 %."""
 GYRO = {"gyro", "gyr", "gyroscope", "drehrate", "gyroskop"}
-"""Words by which the name of a column shows that the column comes from a gyroscope."""
+"""Words in the name of a column that comes from a gyroscope."""
 ACCELEROMETER = {"acc", "accel", "accelerometer", "acceleration", "beschleunigung", "acelerometro"}
-"""Words by which the name of a column shows that the column comes from an accelerometer."""
+"""Words in the name of a column that comes from an accelerometer."""
 KINDS = {
     "gyro": (GYRO, {"rad/s": 1.0, "deg/s": math.pi / 180.0}),
     "accelerometer": (ACCELEROMETER, {"m/s^2": 1.0, "g": STANDARD_GRAVITY}),
@@ -376,7 +374,7 @@ interpretation."""
 def inertial_units(
     words: Sequence[Word], recordings: Sequence[Recording], values: Sequence[Mapping[str, np.ndarray]]
 ) -> Iterator[list[Reading]]:
-    """Yield the possible interpretations of the gyroscope's columns, then those of the accelerometer's, each with
+    """Yield the possible interpretations of the gyroscope's columns, then of the accelerometer's columns, each with
     evidence.
 
     An interpretation consists of an orientation of the axes and a unit. Its log Bayes factor compares the turn rate

@@ -22,13 +22,13 @@ ALTERNATION = 0.1
 """Minimum number of places at which a column's numbers stop and empty cells begin, as a fraction of its rows, from
 which the rows of a table alternate between series. A sensor that fails leaves only a few long gaps."""
 ISOLATED = 0.5
-"""Minimum fraction of a column's numbers that are followed by an empty cell, from which the column counts as a slow
+"""Minimum fraction of a column's numbers that are followed by an empty cell. From it on, the column counts as a slow
 series between the rows of faster ones."""
 MAX_STAMP_OFFSET = 1.0
 """Maximum median difference between the time stamps of a series and the clock of the rows [s]. If the difference is
 larger, the stamps belong to another clock, and the clock of the rows is used for the series."""
 MAX_DRIFT = 5.0
-"""Maximum change of the difference between two clocks over a recording, as a multiple of their step, up to which both
+"""Maximum change of the difference between two clocks over a recording, as a multiple of their step. Up to it, both
 clocks count as one."""
 MIN_OVERLAP = 0.5
 """Minimum time that two series have in common, as a fraction of the shorter one. With less overlap, their clocks count
@@ -52,7 +52,7 @@ def on_common_clock(
     """Return the table with all columns interpolated on one clock `t_s`, and a note for the user.
 
     A table with a single clock is returned unchanged and without a note. The times of a series are its own time stamps
-    if it has any and if they agree with the clock of the rows. Otherwise its times are those of the clock of the rows.
+    if it has any and if they agree with the clock of the rows. Otherwise its times come from the clock of the rows.
 
     Parameters
     ----------
@@ -120,8 +120,8 @@ def _absolute(table: pd.DataFrame, name: str, unit: str, dates: Sequence[str]) -
     """Return the times of a clock in all rows [s], counted from the clock's own starting point; NaN in a row without a
     time.
 
-    If the column name states no unit, the unit is the one in which the times are dates since 1970. If no unit gives
-    such dates, the unit is the one in which the row spacing is nearest to 50 ms.
+    If the column name states no unit, the unit is the one that makes the times dates since 1970. If no unit gives such
+    dates, the unit is the one with a row spacing nearest to 50 ms.
     """
     values = table[name].to_numpy(dtype=float)
     t = times(table[name])
@@ -156,7 +156,7 @@ def _increases(t: np.ndarray) -> bool:
 
 
 def _groups(table: pd.DataFrame, data: Sequence[str]) -> list[tuple[str, ...]]:
-    """Return the columns grouped into series, that is, into groups of columns that have numbers in the same rows.
+    """Return the columns grouped into series, that is, into groups of columns that have numbers in common rows.
 
     Up to 5 % of the rows of a group may differ.
     """
@@ -233,10 +233,10 @@ def _same_instants(clocks: Mapping[str, np.ndarray]) -> bool:
 
 
 def _side_by_side(table: pd.DataFrame, clocks: Mapping[str, np.ndarray], data: Sequence[str]) -> list[Series]:
-    """Return the series of a table in which the series are next to each other, each after its own column of times.
+    """Return the series of a table with series next to each other, each after its own column of times.
 
-    Each column is assigned to the clock that has as many rows and whose name begins with the same words. If several
-    clocks fit equally well, the nearest clock to the left of the column is taken.
+    Each column is assigned to the clock with an equal number of rows whose name begins with the words of the column's
+    name. If several clocks fit equally well, the nearest clock to the left of the column is taken.
     """
     order = [str(name) for name in table]
     running = {name: t for name, t in clocks.items() if _increases(t)}
@@ -245,7 +245,7 @@ def _side_by_side(table: pd.DataFrame, clocks: Mapping[str, np.ndarray], data: S
         rows = int(np.isfinite(table[name].to_numpy(dtype=float)).sum())
 
         def fit(clock: str, name: str = name, rows: int = rows) -> tuple[int, bool, int]:
-            """Return how well a clock fits a column, ranked by names and lengths first, then by position."""
+            """Return a rank for the fit of a clock to a column: names and lengths count first, then the position."""
             difference = abs(int(np.isfinite(running[clock]).sum()) - rows)
             before = order.index(clock) < order.index(name)
             distance = abs(order.index(clock) - order.index(name))
@@ -256,9 +256,7 @@ def _side_by_side(table: pd.DataFrame, clocks: Mapping[str, np.ndarray], data: S
 
 
 def _shared(clock: str, names: Sequence[str]) -> int:
-    """Return how well the name of a clock fits the name of the first column: the number of words with which both
-    begin.
-    """
+    """Return the fit of a clock's name to the name of the first column: the number of equal first words."""
     first, second = word(clock).tokens, word(names[0]).tokens
     return next(
         (at for at, (a, b) in enumerate(zip(first, second, strict=False)) if a != b), min(map(len, (first, second)))

@@ -34,7 +34,7 @@ TURNS = {
     "{} + pi": (0.02, "half a turn off the course"),
 }
 """Formula -> its prior probability, and its meaning in words. Each formula converts a recorded angle to the heading,
-for one way in which the recording may count it. In frames with x north and y east, for example, the heading is counted
+for one possible convention of the recording. In frames with x north and y east, for example, the heading is counted
 clockwise."""
 COURSE = "course(body_x, body_y, t_s)"
 """Formula of the course (direction of travel). The course replaces the heading if no heading is recorded."""
@@ -50,8 +50,8 @@ def places(words: Sequence[Word], declared: Mapping[str, Entry]) -> list[list[Ch
     words : sequence of Word
         The columns of the recording. Each name is split into its words and its unit.
     declared : mapping
-        Channel -> entry of [columns] that the user gave. These entries replace the sources of the same channels in
-        every choice.
+        Channel -> entry of [columns] that the user gave. These entries replace the sources of these channels in every
+        choice.
 
     Returns
     -------
@@ -129,8 +129,7 @@ def _geographic(words: Sequence[Word]) -> Iterator[Choice]:
 def headings(words: Sequence[Word], declared: Mapping[str, Entry]) -> list[Choice]:
     """Return the possible sources of the heading body_yaw: recorded angles, quaternions, and the course.
 
-    An angle is one possible source for each way in which it may be counted (TURNS). The course is the direction of
-    travel.
+    An angle is one possible source for each possible convention (TURNS). The course is the direction of travel.
 
     Parameters
     ----------

@@ -113,9 +113,7 @@ def column(word: Word, unit: str = "", **more: float) -> Entry:
 
 
 def formula_of(target: str, entry: Mapping[str, Any]) -> str:
-    """Return a source of a channel as a formula that gives SI units, in the form in which the option --column
-    takes it.
-    """
+    """Return a source of a channel as a formula that gives SI units, in the form of the option --column."""
     if "formula" in entry:
         return str(entry["formula"])
     # Scale and unit become one factor, because a formula of --column has no unit of its own.

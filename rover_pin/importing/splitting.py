@@ -20,13 +20,13 @@ MIN_GAP, MIN_GAP_STEPS = 1.0, 10.0
 """A recording is cut at a gap between two rows that is longer than MIN_GAP [s] and than MIN_GAP_STEPS times the usual
 time step."""
 MAX_LENGTH, MIN_LENGTH = 45.0, 8.0
-"""Limits of the duration of a run [s]. A longer run is cut into several, and a shorter one is left out."""
+"""Limits of the duration of a run [s]. A longer run is cut into several, and a shorter one is dropped."""
 WANTED_RUNS = 4
 """Number of runs into which a short recording is cut if it is long enough. Several runs are needed, because each is
 predicted by a model that was fitted to the others."""
 MOVING_SHARE = 0.1
-"""Fraction of the 90th percentile of the mean wheel rate above which a rover counts as driving. Rows with a lower mean
-wheel rate count as a stop."""
+"""Minimum mean wheel rate of a driving rover, as a fraction of the 90th percentile of the mean wheel rate. Rows with a
+lower mean wheel rate count as a stop."""
 LEAD = 1.0
 """Time before the rover starts to move that is kept as part of a run [s]."""
 BLOCK = 1.0
@@ -57,8 +57,7 @@ class Part(NamedTuple):
 
 
 def drive_of(t: np.ndarray, values: Mapping[str, np.ndarray], rover: Rover) -> DriveSignals:
-    """Return the signals by which a recording is cut into runs: wheel rate, ground speed, rim speed, pitch and turn
-    rate.
+    """Return the signals for cutting a recording into runs: wheel rate, ground speed, rim speed, pitch and turn rate.
 
     Parameters
     ----------
@@ -67,7 +66,7 @@ def drive_of(t: np.ndarray, values: Mapping[str, np.ndarray], rover: Rover) -> D
     values : mapping
         Channel -> values (rows,) in SI; body_x, body_y and body_yaw are required.
     rover : Rover
-        Names and radii of the wheels. A wheel without a rate is left out of the means.
+        Names and radii of the wheels. A wheel without a rate does not count in the means.
     """
     unknown = np.full(len(t), np.nan)
     rates = np.array([values.get(f"wheel_rate_{mount.name}", unknown) for mount in rover.wheels])
@@ -86,7 +85,7 @@ def parts(drive: DriveSignals) -> list[Part]:
     """Cut a recording into runs at stops and gaps, and into pieces of at most about MAX_LENGTH, and return the runs.
 
     A short recording is cut into about WANTED_RUNS runs, so that some of them can be held out. Stretches shorter than
-    MIN_LENGTH are left out.
+    MIN_LENGTH are dropped.
     """
     stretches = [part for part in _driven_stretches(drive) if _duration(drive, part) >= MIN_LENGTH]
     total = sum(_duration(drive, part) for part in stretches)
@@ -166,14 +165,14 @@ def choose_parts(candidates: list[tuple[DriveSignals, Part]], most: int) -> list
 
 
 def _blocks(drive: DriveSignals) -> np.ndarray:
-    """Return, for each row of a drive (rows,), the number of the block of BLOCK seconds to which the row belongs."""
+    """Return, for each row of a drive (rows,), the number of the row's block of BLOCK seconds."""
     return np.floor((drive.t - drive.t[0]) / BLOCK).astype(int)
 
 
 def _block_signals(drive: DriveSignals) -> np.ndarray:
     """Return the averages of slip, slip^2, sin pitch, turn rate and wheel rate over each block of a drive (blocks, 5).
 
-    The slip is NaN in a block in which the wheels stand or the position is unknown.
+    The slip is NaN in a block with wheels at rest or with an unknown position.
     """
     at = _blocks(drive)
 

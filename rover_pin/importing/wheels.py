@@ -24,7 +24,7 @@ RATES = {"rad/s": 0.45, "rpm": 0.25, "deg/s": 0.05, "rev/s": 0.02}
 """Unit of an angular rate -> prior probability that wheel columns without a stated unit have this unit."""
 SPEEDS = {"m/s": 0.12, "mm/s": 0.03}
 """Unit of a rim speed -> prior probability that wheel columns without a stated unit have this unit. The probability
-that remains next to RATES and SPEEDS is that of encoder counts or of rates before a gear."""
+that remains next to RATES and SPEEDS belongs to encoder counts or to rates before a gear."""
 STATED_SHARE, UNKNOWN_SHARE = 0.97, 0.2
 """Prior probability that a stated unit applies to the wheel itself and not to a motor before a gear; and prior
 probability that columns without a unit hold counts or rates before a gear."""
@@ -32,7 +32,7 @@ BARE_SHARE = 0.3
 """Prior probability that columns whose names consist of the wheel only (such as `fl`, `fr`) hold wheel rates."""
 SIGNS = {(1, 1): 0.9, (1, -1): 0.05, (-1, 1): 0.03, (-1, -1): 0.02}
 """Signs of the left and the right wheels -> prior probability. A sign is 1 if the rate is positive forwards, and -1 if
-the encoder is mounted the other way round."""
+the encoder is mounted in reverse."""
 
 
 def families(words: Sequence[Word], rover: Rover) -> Iterator[tuple[frozenset[str], str, list[tuple[Family, float]]]]:
@@ -99,7 +99,7 @@ def are_enough(wheels: Collection[str], rover: Rover) -> bool:
 
 
 def _owners(word: Word, rover: Rover) -> tuple[tuple[str, ...] | str, tuple[str, ...]]:
-    """Return the wheels to which the name of a column refers, and the words of the name that do not refer to a wheel.
+    """Return the wheels that the name of a column refers to, and the words of the name that do not refer to a wheel.
 
     The wheels are a tuple of wheel names: one name for a single wheel, several for a side or axle, and none if the name
     refers to no wheel. For a name with only a number, the number is returned as text instead of the tuple.
@@ -122,7 +122,7 @@ def _owners(word: Word, rover: Rover) -> tuple[tuple[str, ...] | str, tuple[str,
 
 
 def _orders(rover: Rover) -> Iterator[tuple[list[str], float]]:
-    """Yield the orders in which programs usually number wheels, as lists of wheel names with their prior probability.
+    """Yield the usual orders of wheel numbers in programs, as lists of wheel names with their prior probability.
 
     The orders are: axle by axle, side by side, and around the rover from the front left or from the front right wheel.
     """
@@ -144,8 +144,8 @@ def wheel_choices(words: Sequence[Word], rover: Rover, declared: Mapping[str, En
     rover : Rover
         Names, sides and radii of the wheels.
     declared : mapping
-        Channel -> entry of [columns] that the user gave. These entries replace the sources of the same channels in
-        every choice.
+        Channel -> entry of [columns] that the user gave. These entries replace the sources of these channels in every
+        choice.
 
     Returns
     -------

@@ -4,7 +4,7 @@ A cause is an effect that the model lacks, a wrong declared number, or an error 
 set of causes that act together, with or without a remaining discrepancy between model and data. This package knows no
 rover: the data and the model come from an `Experiment`.
 
-There are two ways to compute `Beliefs` (all hypotheses with their probabilities):
+Two functions compute `Beliefs` (all hypotheses with their probabilities):
 
 - Experiments with exact slopes (derivatives of the prediction by the parameters): `explore.py` fits each hypothesis.
   `error_model.py` defines the covariance of the errors, and `evidence.py` computes the evidence.

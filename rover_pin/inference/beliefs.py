@@ -23,7 +23,7 @@ from rover_pin.inference.priors import log_prior
 
 Key = TypeVar("Key", bound=Hashable)
 MIN_WRITTEN = 1e-3
-"""Smallest probability that verdict.json lists. Causes and sets of causes with a smaller probability are left out,
+"""Smallest probability that verdict.json lists. Causes and sets of causes with a smaller probability are not shown,
 because there are hundreds of them and a report shows probabilities to two digits only."""
 
 
@@ -40,18 +40,18 @@ class Beliefs:
 
     hypotheses: tuple[Hypothesis, ...] = field(repr=False)
     choice: int
-    """number of possible causes, from which the sets of causes were formed"""
+    """number of possible causes; the sets of causes were formed from them"""
     untried: tuple[str, ...] = ()
-    """names of the causes for which no fit converged, so that they are in no hypothesis"""
+    """names of the causes without a converged fit, so that they are in no hypothesis"""
 
     @cached_property
     def scores(self) -> np.ndarray:
         """Score of each hypothesis (hypotheses,): log evidence plus log prior [nats]. The probability of a hypothesis
         is proportional to the exponential of its score.
 
-        Correlated residuals can exaggerate how much a cause raises the evidence. Therefore only a fraction of each gain
-        counts (`LinearHypothesis.gain_shares`): the evidence of the set without the cause is raised until only this
-        fraction of the gain remains.
+        Correlated residuals can exaggerate the increase of the evidence by a cause. Therefore only a fraction of each
+        gain counts (`LinearHypothesis.gain_shares`): the evidence of the set without the cause is raised until only
+        this fraction of the gain remains.
         """
         plain = np.array([row.log_evidence for row in self.hypotheses])
         evidence = plain.copy()
@@ -73,7 +73,7 @@ class Beliefs:
         return np.asarray(np.exp(self.scores - logsumexp(self.scores)))
 
     def probability(self, holds: Callable[[Hypothesis], bool]) -> float:
-        """Return the total probability of all hypotheses for which the function `holds` returns True."""
+        """Return the total probability of all hypotheses that make the function `holds` return True."""
         rows = zip(self.weights, self.hypotheses, strict=True)
         return float(sum(weight for weight, hypothesis in rows if holds(hypothesis)))
 
@@ -173,7 +173,7 @@ class Beliefs:
     def noise_taken(self, names: Sequence[str]) -> dict[str, float]:
         """Return the estimated noise of each channel as a multiple of its declared noise, by name of the channel.
 
-        The estimate is that of the most probable hypothesis with exactly the causes `names`, without its discrepancy. A
+        The estimate belongs to the most probable hypothesis with exactly the causes `names`, without its discrepancy. A
         value above 1 means that the residual is larger than the declared noise, and that the excess counts as noise.
         """
         return self.best(names).noise_taken
@@ -216,7 +216,7 @@ def weights_without(beliefs: Beliefs) -> np.ndarray:
 def chosen_without(beliefs: Beliefs) -> list[frozenset[str]]:
     """Return, for each fold, the set of causes that would be most probable without the data of this fold (folds,).
 
-    A verdict is stable if this set is the same for every fold.
+    A verdict is stable if this set does not depend on the fold.
     """
     names = [beliefs.totals(lambda hypothesis: {frozenset(hypothesis.names)}, row) for row in weights_without(beliefs)]
     return [next(iter(totals)) for totals in names]
@@ -242,8 +242,7 @@ def drawn_models(beliefs: Beliefs, count: int, seed: int = 0) -> list[Any]:
     Simulating all of them shows the uncertainty of a prediction. For each model, a hypothesis is drawn by its
     probability (systematic resampling). Its parameters u (in units of their prior SD) are drawn from a normal
     distribution and clipped to their bounds. The distribution has the posterior mean and the posterior correlations of
-    the hypothesis, and the SDs from which the reported intervals are computed. The models contain causes only, no
-    remaining discrepancy.
+    the hypothesis, and the SDs of the reported intervals. The models contain causes only, no remaining discrepancy.
     """
     random = np.random.default_rng(seed)
     fitted = [(weight, row) for weight, row in zip(beliefs.weights, beliefs.hypotheses, strict=True) if row.is_fitted]

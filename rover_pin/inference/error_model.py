@@ -79,7 +79,7 @@ class Discrepancy(Enum):
 
 
 class Settings(NamedTuple):
-    """Properties of m samples from which the covariance of a discrepancy between them is computed.
+    """Properties of m samples that determine the covariance of a discrepancy between them.
 
     `inputs` (m, inputs) are the set values such as slip or load, divided by their range. `added` (causes, m) is the
     contribution of each cause to the prediction of each sample.
@@ -162,7 +162,7 @@ class ErrorModel:
         logarithms of the scales.
 
         The derivatives are a dictionary: the key is the index of the scale in `eta` (scales,), the value an array (m,
-        m). Scales that do not act on this block are left out.
+        m). Scales that do not act on this block are not included.
         """
         # Every scale except the correlation length enters as its square, so the derivative by its logarithm is twice
         # its summand.

@@ -26,7 +26,7 @@ from rover_pin.base.public import brief
 from rover_pin.inference.error_model import ErrorModel
 
 MAX_SCALE_SDS = 4.0
-"""Half the range in which the scales of the errors are searched, in prior SDs around the prior median. Beyond 4 SD the
+"""Half the range of the search for the scales of the errors, in prior SDs around the prior median. Beyond 4 SD the
 prior density is below 0.04 % of its maximum, so that the search would only waste time there."""
 SEARCH_TOLERANCE = 1e-6
 """Relative decrease of the negative log posterior at which the search for the scales ends. For a value of 1,000 the
@@ -183,8 +183,8 @@ def _parts(errors: ErrorModel, linear: Linear, eta: np.ndarray) -> _Parts:
     """Evaluate eta, the logarithms of the scales: compute its negative log posterior density, and the posterior of the
     parameters u for this eta.
 
-    The inverse and the determinant of C + J J' (covariance C of the errors, slopes J) are computed from those of each
-    block of C by Woodbury's identity, which avoids the inverse of an (n, n) matrix.
+    The inverse and the determinant of C + J J' (covariance C of the errors, slopes J) are computed from the inverse and
+    the determinant of each block of C by Woodbury's identity, which avoids the inverse of an (n, n) matrix.
     """
     blocks, quadratic, log_determinant = [], 0.0, 0.0
     count = linear.slopes.shape[1]
@@ -227,9 +227,9 @@ class FoldPrediction(NamedTuple):
 def predict_folds(covariance: np.ndarray, linear: Linear, fold: np.ndarray) -> FoldPrediction:
     """Predict every fold from the other folds without a refit, and return the log densities and the held-out residuals.
 
-    `covariance` C (n, n) is that of the errors, `linear` has the slopes J and the target r, and `fold` (n,) is the
-    index of each sample's fold. With Q = (C + J J')^-1, the other folds predict the samples b of a fold as N(r_b -
-    Q_bb^-1 (Q r)_b, Q_bb^-1). The held-out residual `missed` (n,) is therefore Q_bb^-1 (Q r)_b. Source: Rasmussen and
+    `covariance` C (n, n) is the covariance of the errors, `linear` has the slopes J and the target r, and `fold` (n,)
+    is the index of each sample's fold. With Q = (C + J J')^-1, the other folds predict the samples b of a fold as N(r_b
+    - Q_bb^-1 (Q r)_b, Q_bb^-1). The held-out residual `missed` (n,) is therefore Q_bb^-1 (Q r)_b. Source: Rasmussen and
     Williams, Gaussian Processes for Machine Learning (2006), section 5.4.2.
     """
     precision = np.linalg.inv(covariance + linear.slopes @ linear.slopes.T)

@@ -29,9 +29,9 @@ from rover_pin.estimation.residual import huber_losses, huber_weights
 from rover_pin.inference.error_model import PRIORS
 
 SCALE_STEPS = np.linspace(-3.0, 3.0, 13)
-"""Grid of noise scales (factors on the noise) for which the evidence is summed: values of the logarithm, in prior SDs.
-Beyond 3 SD the prior density is below 1.2 % of its maximum, and a finer grid changes the sum of a normal density by
-less than rounding of the report."""
+"""Grid of noise scales (factors on the noise) in the sum of the evidence: values of the logarithm, in prior SDs. Beyond
+3 SD the prior density is below 1.2 % of its maximum, and a finer grid changes the sum of a normal density by less than
+rounding of the report."""
 
 
 class Laplace(NamedTuple):
@@ -60,7 +60,7 @@ class Expansion:
     """change of the whitened residuals by each further cause, per unit of its size u (n, causes)"""
     is_optimum: bool = True
     """whether the fit is at the minimum of its loss. If its derivatives still predict a decrease of the loss although a
-    further fit found none, this predicted decrease is left out of the expansion"""
+    further fit found none, this predicted decrease is not part of the expansion"""
 
     @cached_property
     def columns(self) -> np.ndarray:
@@ -95,10 +95,10 @@ class Expansion:
 
     @cached_property
     def sums(self) -> Sums:
-        """Losses, gradients and curvatures summed over the residuals of each fold, so that a fold can be left out by
+        """Losses, gradients and curvatures summed over the residuals of each fold, so that a fold can be removed by
         subtraction.
 
-        The gradients use the `settled` residuals, for which the fit's parameters predict no further decrease of the
+        The gradients use the `settled` residuals. For these, the fit's parameters predict no further decrease of the
         loss.
         """
         weighted = self.weighted
@@ -127,7 +127,7 @@ class Expansion:
 
     @cached_property
     def settled(self) -> np.ndarray:
-        """Whitened residuals (n,) from which gradients are computed.
+        """Whitened residuals (n,) for the gradients.
 
         If the fit is at its minimum, these are the residuals after one more Newton step of the fit's parameters in the
         linear model. They contain no further decrease of the loss, because a further fit did not find the decrease that
@@ -196,7 +196,7 @@ class Expansion:
         extra : sequence of int
             Indices of the further causes among the columns of `others`.
         without : int, optional
-            Index of a fold whose data are left out.
+            Index of a fold whose data are not used.
         """
         at = np.array([*range(self.own), *(self.own + place for place in extra)], dtype=int)
         # Leaving a fold out needs no new fit: its sums are subtracted.
@@ -214,7 +214,7 @@ class Expansion:
 
 
 class Sums(NamedTuple):
-    """Sums over the residuals of each fold, from which the evidence is computed.
+    """Sums over the residuals of each fold, for the computation of the evidence.
 
     `loss` (folds,) is the sum of Huber's losses, `slope` (folds, m) the gradient A'W r, `curvature` (folds, m, m) the
     matrix A'W A, and `rows` (folds,) the number of residuals. A are the derivatives of the whitened residuals r by the

@@ -22,8 +22,8 @@ from rover_pin.inference.error_model import Discrepancy
 from rover_pin.inference.hypothesis import Fitter, Hypothesis
 
 MIN_VISIBLE_CHANGE = 0.3
-"""Smallest change of the prediction by a cause of default size for which the cause is tried, as a norm over all samples
-in SDs of the noise.
+"""Smallest change of the prediction by a cause of default size that is tried, as a norm over all samples in SDs of the
+noise.
 
 The data cannot show a cause with a smaller change: it would raise the log evidence by less than 0.05 nats (half the
 squared norm)."""
@@ -38,9 +38,9 @@ LEADING causes with the largest evidence, and LEADING_FLAT causes with the small
 paired with each other. LEADING_PAIRS pairs are extended to triples. Larger numbers cost time in proportion to their
 square and seldom find a better set (assumed)."""
 MAX_SCORE_GAP = 12.0
-"""Largest difference between the score of the best set of causes and that of another set [nats], up to which the other
-set is extended by further causes and is fitted with a discrepancy. A set farther behind is e^12, or 160,000, times less
-probable, which one further cause seldom makes up."""
+"""Largest difference between the score of the best set of causes and the score of another set [nats]. Up to it, the
+other set is extended by further causes and is fitted with a discrepancy. A set farther behind is e^12, or 160,000,
+times less probable, which one further cause seldom makes up."""
 START_SIZES = 0.5, 0.1
 """Start values for the size of a cause in a fit, as fractions of its default size. The second start finds the minimum
 if the linear model overestimates the size."""
@@ -156,7 +156,7 @@ class Explorer:
         return np.array([number.u(experiment.value(model, number.name)) for number in self.fitter.numbers])
 
     def _outlier_inflation(self) -> np.ndarray | None:
-        """Return the factor (n,) by which the noise variance of each sample has to be raised, or None if no outlier
+        """Return the factor (n,) on the noise variance of each sample that outliers require, or None if no outlier
         remains.
 
         Only the largest outlier gets a factor above 1; it hides the others. An outlier is a sample that deviates by
@@ -199,7 +199,7 @@ class Explorer:
         discrepancy.
 
         A single cause is fitted with discrepancies only later, after all single causes have been fitted. `starts` are
-        the parameters u from which the descent starts.
+        the initial parameters u of the descent.
         """
         names = names_of(causes)
         try:
@@ -243,7 +243,7 @@ class Explorer:
         return bool(score > scores.max() - MAX_SCORE_GAP) or closer < LEADING_FLAT
 
     def _starts(self, causes: Sequence[Cause]) -> list[np.ndarray]:
-        """Return the points from which the fit of a set of causes starts, each as an array u (parameters,).
+        """Return the initial points of the fit of a set of causes, each as an array u (parameters,).
 
         A single cause starts from several sizes, at the fitted and at the declared parameters of the base model.
         Several causes start from the fits of each cause alone.
@@ -281,5 +281,5 @@ def _start_amplitudes(cause: Cause, share: float) -> np.ndarray:
 
 
 def names_of(causes: Iterable[Cause]) -> frozenset[str]:
-    """Return the names of some causes as a frozenset, the key under which `Explorer.fitted` stores their fit."""
+    """Return the names of some causes as a frozenset, the key of their fit in `Explorer.fitted`."""
     return frozenset(cause.name for cause in causes)

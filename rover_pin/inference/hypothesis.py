@@ -32,7 +32,7 @@ from rover_pin.inference.priors import log_share_inside
 from rover_pin.inference.samples import Samples
 
 ROUGH_TOLERANCE, CLOSE_TOLERANCE = 0.1, 0.01
-"""Decrease of chi2 in one step below which a descent ends.
+"""Minimum decrease of chi2 in one step. With a smaller one, a descent ends.
 
 ROUGH_TOLERANCE is for a fit that only gives the start of another fit, CLOSE_TOLERANCE for the fit at which the model is
 linearised. Probabilities change visibly only with differences of chi2 above about 0.1, so that the close tolerance is a
@@ -59,7 +59,7 @@ class Hypothesis:
     model: Any = field(repr=False)
     """the base model with the causes, before the fit"""
     parameters: tuple[Parameter, ...] = field(repr=False)
-    """all free parameters: those of the base model, then those of the causes"""
+    """all free parameters: first of the base model, then of the causes"""
     u: np.ndarray = field(repr=False)
     """most probable parameters (parameters,), in units of their prior SD"""
     predicted: np.ndarray = field(repr=False)
@@ -221,14 +221,14 @@ class Fitter:
         loss.
 
         This fit is cheap; its result is the start of the fits with the full covariance. The variance of each error is
-        that of the noise plus that of a discrepancy of median size.
+        the variance of the noise plus the variance of a discrepancy of median size.
 
         Parameters
         ----------
         causes : sequence of Cause
             The set of causes.
         starts : sequence of array (parameters,)
-            Points u from which the descent starts; the result with the smallest loss is returned.
+            Initial points u of the descent; the result with the smallest loss is returned.
 
         Raises
         ------
@@ -255,8 +255,8 @@ class Fitter:
         return best.u, best.chi2
 
     def having(self, causes: Sequence[Cause]) -> tuple[Any, tuple[Parameter, ...]]:
-        """Return the base model with these causes added, and all its free parameters: those of the base model, then
-        those of the causes.
+        """Return the base model with these causes added, and all its free parameters: first of the base model, then of
+        the causes.
         """
         model = self.model
         for cause in causes:
@@ -273,7 +273,7 @@ class Fitter:
         causes : sequence of Cause
             Causes that act together.
         u : array (parameters,)
-            Parameter values from which the descent starts.
+            Initial parameter values of the descent.
         discrepancy : Discrepancy
             Kind of difference between model and data that remains in addition to noise.
         neighbour : Hypothesis, optional

@@ -26,7 +26,7 @@ from rover_pin.inference.priors import log_share_inside
 from rover_pin.inference.residual_function import FunctionEvidence
 
 MIN_DISCREPANCY_RATIO = 1.0
-"""RMS of a discrepancy, in SDs of the noise, above which the discrepancy counts as larger than the noise.
+"""Minimum RMS of a discrepancy that counts as larger than the noise, in SDs of the noise.
 
 At least one channel of one fold has to exceed this value. A smaller discrepancy changes no prediction beyond the noise,
 so that an answer need not mention it."""
@@ -38,8 +38,7 @@ class LinearHypothesis:
     """The base model with a set of causes that act together, described by the quadratic expansion of the loss around a
     fit.
 
-    It offers the same properties as a `Hypothesis` that was fitted with exact derivatives, so that `Beliefs` can hold
-    both.
+    It offers the properties of a `Hypothesis` that was fitted with exact derivatives, so that `Beliefs` can hold both.
     """
 
     causes: tuple[Cause, ...]
@@ -115,12 +114,12 @@ class LinearHypothesis:
     def gain_shares(self) -> dict[str, float]:
         """Fraction of each cause's gain in log evidence that counts, by name of the cause.
 
-        Correlated residuals carry less information than independent ones, so that their likelihood must count as that
-        of fewer residuals. The fraction is the posterior variance of the cause's sizes divided by the variance that
-        follows from the scatter of these sizes between stretches of the runs. It is 1 if this scatter is smaller than
-        the posterior SD, and 1 for a size that does not vanish at 0. For hypotheses that were not fitted or have a
-        discrepancy the result is empty, which means that their whole gains count. Source: Mueller, Econometrica 81
-        (2013) 1805, for the variance; see also `Fit.spread`.
+        Correlated residuals carry less information than independent ones, so that their likelihood must count as the
+        likelihood of fewer residuals. The fraction is the posterior variance of the cause's sizes divided by the
+        variance that follows from the scatter of these sizes between stretches of the runs. It is 1 if this scatter is
+        smaller than the posterior SD, and 1 for a size that does not vanish at 0. For hypotheses that were not fitted
+        or have a discrepancy the result is empty, which means that their whole gains count. Source: Mueller,
+        Econometrica 81 (2013) 1805, for the variance; see also `Fit.spread`.
         """
         if not self.is_fitted or self.discrepancy is not Discrepancy.NONE:
             return {}

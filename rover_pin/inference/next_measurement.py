@@ -1,9 +1,9 @@
 """Choose the next measurement: the one that is expected to distinguish best between the sets of causes that remain
 possible.
 
-First, each set of causes predicts a possible measurement, given the measurements so far. The prediction is that of the
-fitted model, f(u), plus the discrepancy that follows from the residual r = y - f(u) of the measured values y, whose
-errors have the covariance C:
+First, each set of causes predicts a possible measurement, given the measurements so far. The prediction is the
+prediction f(u) of the fitted model plus the discrepancy that follows from the residual r = y - f(u) of the measured
+values y, whose errors have the covariance C:
 
     mean = f + K C^-1 r,  covariance = noise + K_o - K C^-1 K' + (J_o - K C^-1 J) V (J_o - K C^-1 J)'
 
@@ -17,9 +17,9 @@ C_i). The information is at least
     I = -sum_i w_i ln sum_j w_j exp(-B_ij) [nats], with Bhattacharyya's distance B and C = (C_i + C_j) / 2:
     B_ij = (m_i - m_j)' C^-1 (m_i - m_j) / 8 + ln|C| / 2 - ln|C_i| / 4 - ln|C_j| / 4
 
-I is 0 if all sets predict the same, and equals the whole uncertainty -sum_i w_i ln w_i if no two predictions overlap.
-Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), section 2.7; Lindley, Ann. Math. Stat.
-27 (1956) 986; Kolchinsky and Tracey, Entropy 19 (2017) 361, their lower bound.
+I is 0 if all sets give one prediction, and equals the whole uncertainty -sum_i w_i ln w_i if no two predictions
+overlap. Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), section 2.7; Lindley, Ann.
+Math. Stat. 27 (1956) 986; Kolchinsky and Tracey, Entropy 19 (2017) 361, their lower bound.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -44,9 +44,9 @@ from rover_pin.inference.samples import scale_inputs
 @brief
 @dataclass(frozen=True, eq=False)
 class Offer:
-    """A group of possible next measurements, from which the loop proposes the most informative one.
+    """A group of possible next measurements. The loop proposes the most informative one.
 
-    It is an experiment in which each fold (for example a run) is one measurement that can be made but has no values
+    It is an experiment. Each of its folds (for example a run) is one measurement that can be made but has no values
     yet.
     """
 
@@ -160,9 +160,9 @@ def _predict(offer: Offer, model: Any) -> np.ndarray:
 def _discrepancy(offer: Offer, hypothesis: fitted.Hypothesis) -> tuple[np.ndarray, np.ndarray]:
     """Return the covariances K and K_o of the discrepancy, for the n samples of an offer (possible next measurements).
 
-    K (n, samples so far) is the covariance between the discrepancy of the offer's samples and that of the samples so
-    far. K_o (n, n) is the covariance of the discrepancy between the offer's samples. The samples of the offer are in
-    SDs of the offer's noise.
+    K (n, samples so far) is the covariance between the discrepancies of the offer's samples and of the samples so far.
+    K_o (n, n) is the covariance of the discrepancy between the offer's samples. The samples of the offer are in SDs of
+    the offer's noise.
     """
     ahead, measured, errors = offer.experiment, hypothesis.experiment, hypothesis.errors
     samples, eta = errors.samples, hypothesis.posterior.scales
@@ -215,7 +215,7 @@ MAX_CLOSER_LOOKS = 4
 parameters.
 
 First the information of all offers is computed as if all parameters were known exactly, and the best offers are chosen;
-the others are left out. The computation with uncertain parameters needs the derivatives of the prediction for every set
+the others are dropped. The computation with uncertain parameters needs the derivatives of the prediction for every set
 of causes and takes minutes. An offer beyond the first four is assumed not to become the best."""
 
 

@@ -88,9 +88,9 @@ def log_dependence(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray)
     independent.
 
     The corrections of `log_size_share` for single sizes hold for independent sizes. Two causes that change the
-    prediction in the same way are correlated, because the data determine only their sum. The result is the log of the
-    joint posterior mean of the product of the sizes' density ratios, divided by the product of the posterior means of
-    the single ratios.
+    prediction alike are correlated, because the data determine only their sum. The result is the log of the joint
+    posterior mean of the product of the sizes' density ratios, divided by the product of the posterior means of the
+    single ratios.
 
     Parameters
     ----------
@@ -120,7 +120,8 @@ def log_share_inside(causes: Sequence[Cause], mean: np.ndarray, covariance: np.n
     prior of their sizes.
 
     For a parameter that only changes the shape of a cause, the correction is the log of the posterior probability that
-    it lies within its bounds, divided by the prior probability. For a size, the correction is that of `log_size_share`.
+    it lies within its bounds, divided by the prior probability. For a size, the correction is the result of
+    `log_size_share`.
 
     Parameters
     ----------

@@ -245,7 +245,7 @@ def in_shares(columns: Columns, weights: np.ndarray, signal: float) -> Columns:
     the residuals equals `signal`.
 
     All functions are then equally large before the data are seen. The variance is divided equally among all directions
-    in which the function can change the residuals. `weights` (n,) are Huber's weights of the residuals.
+    of possible changes of the residuals by the function. `weights` (n,) are Huber's weights of the residuals.
     """
     parts = []
     for run in columns.runs:

@@ -11,9 +11,9 @@ from rover_pin.base.public import brief
 from rover_pin.estimation.experiment import Experiment
 
 MIN_INPUT_RANGE = 1e-9
-"""Range of an input (a set value such as slip or load) below which the input counts as constant. A constant input is
-left out, because nothing can be learnt as a function of it. The value is far above rounding and far below every change
-of a setting that a user makes on purpose."""
+"""Minimum range of an input (a set value such as slip or load) that varies. With a smaller range, the input counts as
+constant. A constant input is left out, because nothing can be learnt as a function of it. The value is far above
+rounding and far below every change of a setting that a user makes on purpose."""
 
 
 @brief
@@ -23,7 +23,7 @@ class Samples:
     their errors depends.
 
     A fold is a group of samples that cross-validation leaves out together, such as a run. A campaign is a group of
-    folds that were measured with the same set-up. A block contains the samples of one channel in one campaign.
+    folds that were measured with one set-up. A block contains the samples of one channel in one campaign.
     """
 
     value: np.ndarray
@@ -84,7 +84,7 @@ class Samples:
 
 
 def samples_of(experiment: Experiment, sd: np.ndarray, inputs: np.ndarray) -> Samples:
-    """Return all compared samples of an experiment as vectors; measured values that are NaN are left out.
+    """Return all compared samples of an experiment as vectors; measured values that are NaN are omitted.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def scale_inputs(inputs: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np
 
     Both are shifted and divided by the range of `inputs`, so that `inputs` lie between 0 and 1. An input that is
     constant in `inputs` but not in `others` is divided by the range of both together. An input that is constant in both
-    is left out.
+    is omitted.
     """
     both = np.concatenate([inputs, others])
     # An input that is new in `others` still needs a range; it is taken from both together.

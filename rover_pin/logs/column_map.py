@@ -13,7 +13,7 @@ In `drive.toml`::
     body_x = { formula = "east(lat, lon)" }
 
 `rover_pin.base.formula` describes the formulas, which may name columns of earlier lines. A column whose name is already
-that of a drive-log channel, for example `body_x`, needs no entry.
+the name of a drive-log channel, for example `body_x`, needs no entry.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,7 +34,7 @@ KEYS = ("column", "formula", "unit", "scale", "offset")
 def map_columns(table: Columns, entries: Mapping[str, Any], where: str, wheels: Sequence[str]) -> Columns:
     """Return the channels of a drive log that a run's table holds, after conversion by the entries of [columns].
 
-    A column whose name is already that of a channel is taken as it is. Every entry of [columns] adds one channel.
+    A column whose name is already the name of a channel is taken unchanged. Every entry of [columns] adds one channel.
 
     Parameters
     ----------

@@ -409,8 +409,8 @@ NOISE = {
     "accelerometer": "m/s^2",
     SAMPLE_PERIOD: "s",
 }
-"""Keys of the table [noise] in drive.toml -> SI unit. Each key stands for one kind of channel, for example "current"
-for all motor currents. "angle" means the angles of steering, rockers and bogies."""
+"""Keys of the table [noise] in drive.toml -> SI unit. Each key is one kind of channel, for example "current" for all
+motor currents. "angle" means the angles of steering, rockers and bogies."""
 STARTS = {
     "wheel_rate_": "wheel_rate",
     "rocker_": "angle",

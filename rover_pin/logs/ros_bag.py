@@ -14,11 +14,10 @@ each column of the run::
     file = "climb.mcap"
 
 A field is a path of names separated by dots. `[3]` takes the entry with index 3 of an array. `[name=wheel_fl]` takes
-the entry at the position at which the array `name` of the same message holds "wheel_fl". After the name of a
-quaternion, `roll`, `pitch` or `yaw` computes this angle of the rotation sequence z-y-x. `stamp` is the field with the
-message's time stamp; without `stamp`, the time of receipt counts. A duty keeps its value until the next message, and so
-does every column with `hold = true`. All other columns are interpolated linearly, and stay empty in gaps between
-messages.
+the entry at the position at which the array `name` of this message holds "wheel_fl". After the name of a quaternion,
+`roll`, `pitch` or `yaw` computes this angle of the rotation sequence z-y-x. `stamp` is the field with the message's
+time stamp; without `stamp`, the time of receipt counts. A duty keeps its value until the next message, and so does
+every column with `hold = true`. All other columns are interpolated linearly, and stay empty in gaps between messages.
 """
 
 import dataclasses
@@ -45,7 +44,7 @@ KEYS = ("topic", "field", "scale", "unit", "hold", "stamp")
 PART = re.compile(r"(\w+)(?:\[(?:(\d+)|(\w+)=([^\]]+))\])?")
 """Pattern of one part of a field's path: a name, which [index] or [array=label] may follow."""
 ANGLES = ("roll", "pitch", "yaw")
-"""Names that may follow a quaternion in a field's path, and that stand for an angle computed from this quaternion."""
+"""Names that may follow a quaternion in a field's path. Each means an angle that is computed from this quaternion."""
 
 
 class Source(NamedTuple):
@@ -308,8 +307,8 @@ class _Messages:
                 self._take(name, message, received)
 
     def _take(self, name: str, message: Any, received: int) -> None:
-        """Append the value of one message to a column. Of several messages with the same time, the last one replaces
-        the others.
+        """Append the value of one message to a column. If several messages have one time, the last one replaces the
+        others.
         """
         source = self.sources[name]
         value = self._value(name, message, source.field)
@@ -356,8 +355,8 @@ class _Messages:
             ) from None
 
     def _follow(self, name: str, value: Any, field: str) -> Any:
-        """Return the part of a message to which a field's path leads, or None if an array has no entry with the label
-        of the path.
+        """Return the part of a message that a field's path leads to, or None if an array has no entry with the label of
+        the path.
         """
         for part in parts(field):
             matched = PART.fullmatch(part)

@@ -24,10 +24,10 @@ from rover_pin.terrain.shapes import flat
 from rover_pin.terrain.terrain import HeightGrid, Terrain
 
 KEYS = ("slope", "estimated")
-"""Keys of a terrain table by which each run gets a terrain of its own instead of one terrain for the whole log."""
+"""Keys of a terrain table that give each run a terrain of its own instead of one terrain for the whole log."""
 SLOPE_SD, HEIGHT_SD, BEND_SD = math.radians(0.5), 0.03, 0.15
-"""Assumed SDs of the terrain estimate: of the mean pitch and roll over half a second [rad], of the mean height over
-half a second [m], and of the change of the terrain's slope over one wheelbase [rad]."""
+"""Assumed SDs of three quantities of the terrain estimate: mean pitch and roll over half a second [rad], mean height
+over half a second [m], and change of the terrain's slope over one wheelbase [rad]."""
 BLOCK = 0.5
 """Duration of the intervals over which pitch, roll and height are averaged before the terrain is estimated [s]."""
 ROUND_OFF = 1e-5
@@ -204,8 +204,8 @@ def _blocks(run: Trace) -> dict[str, np.ndarray] | None:
     """Return the means of pose and attitude over intervals of BLOCK seconds; None if neither pitch nor height was
     measured.
 
-    Rows without a position are left out. A row at the border of two intervals belongs to the later one, even if its
-    time was rounded down.
+    Rows without a position are omitted. A row at the border of two intervals belongs to the later one, even if its time
+    was rounded down.
     """
     # Pitch or height alone determines slopes along the path; roll alone does not.
     names = [name for name in ("body_pitch", "body_roll", "body_z") if name in run and np.isfinite(run[name]).any()]

@@ -25,7 +25,7 @@ ALIASES = re.compile(r"(?m)(?:^|[-:,\[{])\s*[&*]")
 """Pattern of anchors and aliases in YAML. With these, a few lines of a file can expand to an unlimited size."""
 
 PLAIN = ("", "none")
-"""Names under which rosbags lists data without compression. Such data are not unpacked and need no limit."""
+"""Names of data without compression in rosbags. Such data are not unpacked and need no limit."""
 
 Opener = Callable[[Any], Any]
 

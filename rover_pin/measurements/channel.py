@@ -22,7 +22,7 @@ class Channel:
     measured : array (points,)
         Values in the channel's SI unit. NaN marks a missing cell if `may_miss` allows it.
     sd : float or array (points,)
-        Standard deviation of each value in the same unit. A single number holds for all values.
+        Standard deviation of each value in the unit of the values. A single number holds for all values.
 
     Raises
     ------
@@ -136,8 +136,7 @@ def sd_column(column: str) -> str:
 
 
 RIG_CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage, SideForce, VerticalMoment)
-"""The classes of the channels that a rig can measure, in the order in which tables are read and in which models predict
-them."""
+"""The classes of the channels that a rig can measure, in the common order of tables and predictions."""
 
 
 @dataclass(frozen=True)

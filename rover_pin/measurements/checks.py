@@ -230,7 +230,7 @@ SLIP_DEFINITIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "over-rim-speed": from_over_rim_speed,
 }
 """Functions that convert slips to the slip ratio of Eq (1) of the paper, by the name of the definition that the slips
-have. The definitions differ in the speed by which r omega - v is divided."""
+have. The definitions differ in the speed that divides r omega - v."""
 
 
 def slip_by_definition(slip: np.ndarray, definition: object, where: str) -> np.ndarray:

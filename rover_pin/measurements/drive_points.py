@@ -38,7 +38,7 @@ class Sampling:
     loads : float
         Width of a class in ln W, where W is the wheel load, if the contact angles follow from the load.
     least : int
-        Minimum number of windows in a class; smaller classes are left out.
+        Minimum number of windows in a class; smaller classes are dropped.
     load_error : float
         Relative error that all loads and torques share. If the terrain bends within a wheelbase, the static balance is
         wrong by about 1 %; motor constants are known to 1 or 2 %.
@@ -174,10 +174,10 @@ def soil_windows(windows: Sequence[Window], length: float, lag: RelaxedSlip) -> 
     """Correct the slip of each window for the lag of the soil, and return pairs (mean slip of the neighbouring windows,
     corrected window).
 
-    A window without a neighbour is left out. Shear stress builds up over a length L of travel, so that on a slope that
+    A window without a neighbour is dropped. Shear stress builds up over a length L of travel, so that on a slope that
     steepens the soil lags behind the slip S of Eq (1) of the paper. To first order, the slip that the soil feels is S -
     (L / (r omega) - T) dS/dt, where r omega is the rim speed, T the damping time of the lag, and dS/dt the change
-    between the windows before and after on the same wheel.
+    between the windows before and after on the window's wheel.
 
     Parameters
     ----------
@@ -206,12 +206,12 @@ def soil_windows(windows: Sequence[Window], length: float, lag: RelaxedSlip) -> 
 def classify(pairs: Sequence[tuple[float, Window]], sampling: Sampling, loads: float = math.inf) -> list[list[Window]]:
     """Group windows into classes of nearly equal slip (and load), and return the classes in the order of slip and load.
 
-    Classes with fewer than `sampling.least` windows are left out.
+    Classes with fewer than `sampling.least` windows are dropped.
 
     Parameters
     ----------
     pairs : sequence of (float, Window)
-        Mean slip of each window's neighbours, by which the window is classified, and the window.
+        Mean slip of each window's neighbours, for the classification of the window, and the window.
     sampling : Sampling
         Width of the classes.
     loads : float

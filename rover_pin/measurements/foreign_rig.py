@@ -38,7 +38,7 @@ from rover_pin.parameters.gravity import EARTH
 from rover_pin.soil.slip import slip_ratios
 
 WHEEL_RATE = "wheel_rate_radps"
-"""Name of the column with the angular rate omega of the wheel, from which the rim speed r omega is computed."""
+"""Name of the column with the angular rate omega of the wheel, for the computation of the rim speed r omega."""
 UNITS = {column.column: column.unit for column in RIG_COLUMNS}
 """SI unit of each column of a data set, by the column's name; "text" for columns of text."""
 TEXTS = tuple(name for name, unit in UNITS.items() if unit == "text")
@@ -347,7 +347,7 @@ class RigTable:
 
 
 def _reading_of(column: str, match: Match) -> str:
-    """Return the part of a note that states in which unit a column was read, and whether the unit or the meaning is a
+    """Return the part of a note that states the unit of a column as read, and whether the unit or the meaning is a
     guess.
     """
     # The note states the unit only where it was converted or had to be assumed.
@@ -369,8 +369,7 @@ def _reading_of(column: str, match: Match) -> str:
 
 
 def channel_unit(name: str) -> str:
-    """Return the SI unit of a channel for which a user can state a noise: drawbar_pull, torque, sinkage, lateral or
-    moment_z.
+    """Return the SI unit of a channel whose noise a user can state: drawbar_pull, torque, sinkage, lateral or moment_z.
 
     Raises ParameterError if there is no such channel.
     """
@@ -440,8 +439,8 @@ def write_rig_set(
 
 
 def gravity_note(points: pd.DataFrame, gravity: float | None) -> str:
-    """Return a note that states the gravity with which masses on the wheel are converted to loads; empty if the table
-    has no masses.
+    """Return a note that states the gravity in the conversion of masses on the wheel to loads; empty if the table has
+    no masses.
     """
     if LOAD_MASS not in points or "load_N" in points:
         return ""

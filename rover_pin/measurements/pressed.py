@@ -27,7 +27,7 @@ MIN_SINKAGE = 0.004
 uncertain."""
 
 SAMPLES = 12
-"""Number of evenly spaced depths to which the readings of a trial are reduced, because neighbouring readings are not
+"""Number of evenly spaced depths that represent the readings of a trial, because neighbouring readings are not
 independent."""
 
 MAX_SINKAGE, MAX_FORCE = 10.0, 1e7
@@ -57,13 +57,13 @@ def read_trials(path: Path, surface: str) -> tuple[Trial, ...]:
     path : Path
         Table with the columns `indenter`, `trial`, `sinkage_m`, `force_N`, and optionally `box`.
     surface : str
-        Surface of the wheel that drove in the runs. The rows with the indenter `wheel_<surface>` are taken, or those of
-        the only wheel in the file.
+        Surface of the wheel that drove in the runs. The rows with the indenter `wheel_<surface>` are taken, or the rows
+        of the only wheel in the file.
 
     Raises
     ------
     DataError
-        A missing column, a number that is not finite, or several wheels of which none has this surface.
+        A missing column, a number that is not finite, or several wheels without this surface.
     """
     table = measured_points(path, ("indenter", "trial", "sinkage_m", "force_N"), ("indenter", "trial"))
     # Other indenters, such as plates, are not used.

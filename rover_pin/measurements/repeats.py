@@ -16,14 +16,14 @@ MIN_FREEDOM = 3
 """Minimum degrees of freedom for an estimate of the noise from repeated runs. With three, the 95 % interval of the SD
 extends from 0.57 to 3.7 times the estimate."""
 OUTLYING_PROBABILITY = 0.01
-"""Probability below which the scatter of a group of repeated runs counts as outlying. It is the probability that chance
-gives at least one of all groups such a scatter."""
+"""Minimum probability of the scatter of a group of repeated runs. With a smaller probability, the scatter counts as
+outlying. It is the probability that chance gives at least one of all groups such a scatter."""
 
 
 def repeat_groups(level: np.ndarray, load: np.ndarray, slip_angle: np.ndarray) -> np.ndarray:
-    """Return, for each run, the number of the group of repeated runs to which it belongs (runs,).
+    """Return, for each run, the number of its group of repeated runs (runs,).
 
-    The runs of a group have the same slip level and slip angle, and their loads, sorted by size, differ from one to the
+    The runs of a group have one slip level and one slip angle, and their loads, sorted by size, differ from one to the
     next by less than the factor SAME_WEIGHT.
 
     Parameters
@@ -44,8 +44,7 @@ def repeat_groups(level: np.ndarray, load: np.ndarray, slip_angle: np.ndarray) -
 
 
 def level_numbers(slip: np.ndarray, names: np.ndarray | None) -> np.ndarray:
-    """Return the number of the slip level of each run (runs,): runs with the same number were made at nearly equal
-    slip.
+    """Return the number of the slip level of each run (runs,): runs with equal numbers were made at nearly equal slip.
 
     `names` (runs,) are the names of the slip levels in the data. If `names` is None, slips that are close together form
     a level.
@@ -62,7 +61,7 @@ class RepeatNoise(NamedTuple):
     freedom: int
     "degrees of freedom: number of values minus number of groups"
     outlying: tuple[int, ...]
-    """indices of the runs in groups that were left out, because these groups scatter much more than the others"""
+    """indices of the runs in groups that were dropped, because these groups scatter much more than the others"""
 
 
 def repeat_noise(values: np.ndarray, slip: np.ndarray, group: np.ndarray) -> RepeatNoise | None:
@@ -73,7 +72,7 @@ def repeat_noise(values: np.ndarray, slip: np.ndarray, group: np.ndarray) -> Rep
     from the mean of its group. The slips of repeats differ slightly and the curve rises with slip, so that each value
     is first moved to the mean slip of its group, along the slope of the curve between the neighbouring groups. A group
     with an erroneous run would increase the noise of all runs. The group with the largest variance is therefore left
-    out if an F test against the other groups finds it outlying. This test is repeated as long as half of the degrees of
+    out if an F test against the other groups finds it outlying. This test is repeated while half of the degrees of
     freedom remain.
 
     Parameters
@@ -123,7 +122,7 @@ def _slopes(mean: np.ndarray, middle: np.ndarray) -> np.ndarray:
     to it in slip.
 
     `mean` (groups,) is the mean value of the channel and `middle` (groups,) the mean slip of each group. The derivative
-    is 0 if the neighbouring groups have the same slip.
+    is 0 if the neighbouring groups have equal slips.
     """
     order = np.argsort(middle, kind="stable")
     # The first and last group have one neighbour only, so that their slope is one-sided.

@@ -247,8 +247,8 @@ TRAILING_UNIT = re.compile(r"(.*?)(?:\s+in\s+|\s*[/,]\s*|\s+)([^\s/,]+(?:/[^\s/,
 
 
 def stated_unit(header: str, expected: str) -> str:
-    """Return the unit that a column name states, if it is of the same kind as the SI unit `expected`; otherwise an
-    empty text.
+    """Return the unit that a column name states, if it measures the kind of quantity of the SI unit `expected`;
+    otherwise an empty text.
     """
     # The first reading whose unit can be converted to the expected one decides.
     units = (unit for _, unit in _readings(header) if unit)
@@ -256,7 +256,7 @@ def stated_unit(header: str, expected: str) -> str:
 
 
 def _is_unit(unit: str) -> bool:
-    """Return whether a text is a unit in which at least one column of a data set can be given."""
+    """Return whether a text is a possible unit of at least one column of a data set."""
     return bool(usual_unit(unit)) or any(not math.isnan(scale_to(unit, column.unit)) for column in RIG_COLUMNS)
 
 
@@ -296,8 +296,7 @@ def _fits(column: RigColumn, unit: str, needs_unit: bool) -> bool:
 
 
 def _exact(name: str, unit: str) -> Iterator[Match]:
-    """Yield the interpretations in which every word of a column name is explained, such as torque_Nm for "mean wheel
-    torque".
+    """Yield the interpretations that explain every word of a column name, such as torque_Nm for "mean wheel torque".
 
     `unit` is the unit that the column name states; empty if it states none.
     """

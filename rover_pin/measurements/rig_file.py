@@ -301,8 +301,8 @@ def _refuse_other_units(table: pd.DataFrame, where: str) -> None:
 
 
 def _with_slips(table: pd.DataFrame, where: str) -> pd.DataFrame:
-    """Return the table of points in which missing or infinite slips are replaced by slips that follow from both speeds
-    by Eq (1) of the paper.
+    """Return the table of points with missing or infinite slips replaced by slips that follow from both speeds by Eq
+    (1) of the paper.
 
     Such slips occur if a laboratory divided by the rim speed of a locked wheel, which is 0.
     """

@@ -26,11 +26,11 @@ MAX_MEDIAN_FORCE, MAX_FORCE = 3.0, 100.0
 """Largest accepted ratio of the pull, or of torque / r, to the load: first for the median of all runs, then for a
 single run. Data with a larger ratio are refused. Sand gives up to 0.7, lugs in clay about 1."""
 DOUBTFUL_FORCE = {DrawbarPull: 1.0, Torque: 1.5}
-"""Median ratio of pull to load, and of torque to r times load, above which the data are reported as doubtful. Sand
-gives up to 0.7, lugs in clay about 1."""
+"""Maximum median ratio of pull to load, and of torque to r times load. Data with a larger ratio are reported as
+doubtful. Sand gives up to 0.7, lugs in clay about 1."""
 DRIVING, SLIPPING = 0.1, 0.3
-"""Slip above which a wheel certainly drives, and slip above which a wheel has certainly sheared the soil. Smaller slips
-may be errors of the radius, which is known to a few percent (assumed)."""
+"""Minimum slip of a wheel that certainly drives, and minimum slip of a wheel that has certainly sheared the soil.
+Smaller slips may be errors of the radius, which is known to a few percent (assumed)."""
 MIN_TORQUE, DOUBTFUL_TORQUE = 0.003, 0.01
 """Smallest ratio of the torque of a slipping wheel to r times load: data below the first value are refused, data below
 the second are reported as doubtful. A soil at its bearing limit of 5.1 c (Prandtl) still resists with c / (5.1 c) =
@@ -51,11 +51,11 @@ The data are reported as doubtful if the stiffness is below the first value [Pa/
 width is below the second [Pa], or if the stiffness exceeds the third [Pa/m]. The soils of this package, under wheels of
 5 mm to 1 m and 1 N to 100 kN, give 2e4 to 7e6 Pa/m."""
 LARGE_SLIP_ANGLE = math.radians(30.0)
-"""Slip angle [rad] from which on a sinkage deeper than the axle is accepted: a wheel that is pushed along its axle
-bulldozes sand instead of rolling over it."""
+"""Minimum slip angle [rad] of a run with a sinkage deeper than the axle that is accepted: a wheel that is pushed along
+its axle bulldozes sand instead of rolling over it."""
 MIN_TREND_RUNS, FALLING = 4, -0.7
-"""Minimum number of runs for a trend of the pull, and rank correlation of the pull with slip below which the pull
-counts as falling."""
+"""Minimum number of runs for a trend of the pull, and maximum rank correlation with slip of a pull that counts as
+falling."""
 SLENDERNESS = (0.05, 5.0)
 """Range of the ratio of width to diameter of usual wheels: 0.05 for a bicycle, 2 for a road roller."""
 
@@ -242,9 +242,7 @@ def _over_load(data: RigSet, values: np.ndarray, unit: str) -> np.ndarray:
 
 
 def _scale_name(unit: str) -> str:
-    """Return the words for the quantity by which a force or torque is divided: "load times radius" for the unit N m,
-    otherwise "load".
-    """
+    """Return the words for the divisor of a force or torque: "load times radius" for the unit N m, otherwise "load"."""
     return "load times radius" if unit == "N m" else "load"
 
 

@@ -46,7 +46,7 @@ from rover_pin.soil.slip import STANDS, rim_and_travel, slip_ratios
 OTHERS = ("slip", "load_N", "run", "level", ANGLE, SLOPE, "slope_sd_rad", *SPEEDS)
 """Names of the columns of points.csv that are read in addition to the channels and their SDs."""
 MIN_SIMILARITY = 0.7
-"""Similarity of two names (difflib's ratio, from 0 to 1) above which one may be a misspelling of the other."""
+"""Minimum similarity of two names (difflib's ratio, from 0 to 1). Above it, one may be a misspelling of the other."""
 
 
 def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
@@ -136,7 +136,7 @@ def _slip_angles(table: pd.DataFrame, where: str) -> np.ndarray:
 def _channels(table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> tuple[RigChannel, ...]:
     """Return the measured channels (pull, torque, sinkage, ...) of a table of rig runs, each with its noise.
 
-    Side force and vertical moment are left out if no run has a slip angle. `noise` is the table [noise] of rig.toml.
+    Side force and vertical moment are omitted if no run has a slip angle. `noise` is the table [noise] of rig.toml.
     """
     # Side force and vertical moment are compared only in runs with a slip angle.
     askew = (np.abs(_slip_angles(table, where)) > STRAIGHT).any()

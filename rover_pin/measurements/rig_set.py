@@ -22,8 +22,8 @@ from rover_pin.parameters.bekker import bekker
 from rover_pin.parameters.gravity import EARTH
 
 SAME_SLIP = 0.15
-"""Smallest range of slips from which a data set shows how the channels depend on slip. A pull rises over four times
-this range (assumed)."""
+"""Smallest range of slips of a data set that shows how the channels depend on slip. A pull rises over four times this
+range (assumed)."""
 SAME_LOAD = 1.5
 """Largest ratio of two loads that still count as one load: they change the contribution of the cohesion c to the
 strength by at most a third."""
@@ -82,7 +82,7 @@ class RigSet:
     errors, error_sd : RigErrors and mapping
         Declared errors of the rig's readings, and `rig.name` or `wheel.name` -> SD of the uncertain errors and sizes.
     trials : tuple of Trial
-        Pressing trials: the same wheel pressed into the same soil without turning.
+        Pressing trials: the wheel pressed into the soil without turning.
     beside : mapping
         Name -> value [SI] of declared numbers of lugs and sand (`rig_file.BESIDE`): lug sizes, density, angle of
         repose.
@@ -188,7 +188,7 @@ class RigSet:
         return replace(self, trials=())
 
     def place(self, column_name: str) -> str:
-        """Return the text with which a finding names a column of this data set: the name of the points file, and the
+        """Return the text that names a column of this data set in a finding: the name of the points file, and the
         column's name.
         """
         return f"{self.points_file}: {column_name}" if self.points_file else column_name
@@ -197,7 +197,7 @@ class RigSet:
         """Return the data set with some of its runs only. `keep` selects them by a mask, indices or a slice, as in a
         NumPy array.
 
-        A channel that has no measured value in these runs is left out.
+        A channel that has no measured value in these runs is omitted.
         """
         return replace(
             self,
@@ -215,7 +215,7 @@ class RigSet:
         )
 
     def soil(self) -> Soil:
-        """Return the declared soil; constants that the data set does not declare are those of Table 1 of the paper.
+        """Return the declared soil; constants that the data set does not declare come from Table 1 of the paper.
 
         Pressing trials determine k_1 + k_2 b (b: width of the wheel), and n unless n is declared. Without trials,
         Bekker's k_c and k_phi are converted for the width b. A single width determines only the sum k_1 + k_2 b; this
@@ -235,7 +235,7 @@ class RigSet:
 
     @cached_property
     def _pressed_n(self) -> float:
-        """Sinkage exponent n for which k_1 is computed from the pressing trials: the declared n, or else the n that
+        """Sinkage exponent n in the computation of k_1 from the pressing trials: the declared n, or else the n that
         fits the trials best.
         """
         return self.declared["n"] if "n" in self.declared else exponent(self.trials, self.wheel)
@@ -245,7 +245,7 @@ class RigSet:
         values with them.
 
         A single width b of the wheel determines only K_eff = (k_1 + k_2 b) / b^n. The units of K_eff depend on n, so
-        that declared moduli are returned only if `n` equals the exponent for which they were declared.
+        that declared moduli are returned only if `n` equals the exponent of their declaration.
 
         Parameters
         ----------

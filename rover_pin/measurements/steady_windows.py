@@ -22,10 +22,10 @@ MIN_ROWS = 8
 
 @dataclass(frozen=True)
 class Steady:
-    """Conditions under which a window counts as steady (all assumed).
+    """Conditions of a steady window (all assumed).
 
-    The first `settle` seconds of a run are left out, and so are windows with a rim speed below `slowest` [m/s]. Within
-    a window, the duty changes by at most `duty`, the rim speed by at most the fraction `rim`, and the slip by at most
+    The first `settle` seconds of a run are omitted, and so are windows with a rim speed below `slowest` [m/s]. Within a
+    window, the duty changes by at most `duty`, the rim speed by at most the fraction `rim`, and the slip by at most
     `slip` or three SDs of its noise. Wheels whose loads statics determines only together must have slips within
     `slip_spread`.
     """
@@ -39,14 +39,13 @@ class Steady:
 
 
 class Window(NamedTuple):
-    """Means over one steady window, for one wheel or for several wheels of which statics determines only the total
-    load.
+    """Means over one steady window, for one wheel, or for several wheels if statics determines only their total load.
 
-    The SDs are those of the means.
+    The SDs are SDs of the means.
     """
 
     wheel: int
-    """index of the wheel, or of the first wheel if the window is that of several wheels"""
+    """index of the wheel, or of the first wheel if the window belongs to several wheels"""
     start: float
     "beginning of the window [s]"
     slip: float
@@ -140,7 +139,7 @@ class _Run:
 
     def windows(self, rows: np.ndarray, steady: Steady) -> list[Window]:
         """Return the steady windows of the wheels for one window of time, given by the indices `rows` of the log.
-        Wheels that were not steady are left out.
+        Wheels that were not steady are omitted.
         """
         t, motor = self.t[rows], self.motor
         # Contact directions and static loads are evaluated at the mean pose of the window.

@@ -35,7 +35,7 @@ class TractionPoints:
     sd : float or array (points,)
         Standard deviation of each **mean** [-]: the error bar of Fig 6 divided by the root of the number of repeats.
     wheel : Wheel
-        Radius and width of the wheel [m]; by default those of Nexus 6.
+        Radius and width of the wheel [m]; by default the size of Nexus 6's wheels.
     form : TractionForm
         The traction ratio that was measured: net or gross.
     angles : Angles
@@ -45,7 +45,7 @@ class TractionPoints:
         enters the weights of the residuals (`TractionFactors`).
     shared : float or array (points,)
         Standard deviation of an error that all factors share [-], for example of a wrong load or torque constant. The
-        signs of the entries state in which direction each factor moves with the others.
+        signs of the entries state whether each factor moves with the others or against them.
     slip_shared : float or array (points,)
         Standard deviation of an error that all slip ratios share [-], for example of a wrong radius.
     load : array (points,), optional

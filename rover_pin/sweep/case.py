@@ -21,8 +21,8 @@ then `error`."""
 
 
 def drive_case(study: Study, case: Case) -> Mapping[str, Any]:
-    """Drive the scenario of the study with the values of the case, and return the summary of the drive. This is the
-    usual function with which a sweep runs its cases.
+    """Drive the scenario of the study with the values of the case, and return the summary of the drive. A sweep usually
+    runs its cases with this function.
 
     The outcome `stop` states why the drive ended. Several sentences, such as warnings, are joined into one cell.
     """
@@ -47,8 +47,7 @@ def scenario_of(study: Study, case: Case) -> Any:
 
 
 def check_names(study: Study, cases: Sequence[Case]) -> None:
-    """Raise an error if the scenario or a setting does not exist. Every case of the sweep would fail with the same
-    error.
+    """Raise an error if the scenario or a setting does not exist. Every case of the sweep would fail with this error.
 
     A value that is not allowed raises no error here: it may concern one case only, and the row of this case reports it.
 
@@ -112,8 +111,6 @@ def _head(case: Case) -> Row:
 
 
 def _cell(value: Any) -> Any:
-    """Return a value as a cell of the table. Whole numbers become floats, so that a column has the same type in all
-    rows.
-    """
+    """Return a value as a cell of the table. Whole numbers become floats, so that a column has one type in all rows."""
     value = plain(value)
     return float(value) if isinstance(value, int) and not isinstance(value, bool) else value

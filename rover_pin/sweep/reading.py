@@ -143,8 +143,8 @@ def _si(value: Any, entry: Mapping[str, Any]) -> Any:
 
 
 def _choice_of(word: Any, choices: Mapping[str, Any], noun: str) -> Any:
-    """Return the value of `choices` with this name. If there is none, an error lists similar names; `noun` says in the
-    error what the name should name.
+    """Return the value of `choices` with this name. If there is none, an error lists similar names; `noun` is the kind
+    of thing that the name should name, for the error.
     """
     if not isinstance(word, str) or word not in choices:
         raise ParameterError(f"there is no {noun} '{word}': {closest(word, choices)}")

@@ -71,8 +71,8 @@ def sweep(
 ) -> Results:
     """Run all cases of a study and return their results.
 
-    Each finished case is saved in `folder` at once. If the sweep is stopped, call it again with the same study and
-    folder: only the unfinished cases run, and the final files equal those of an uninterrupted sweep to the byte.
+    Each finished case is saved in `folder` at once. If the sweep is stopped, call it again with this study and folder:
+    only the unfinished cases run, and the final files equal the files of an uninterrupted sweep to the byte.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def sweep(
     DataError
         If the folder holds another study, if another process writes to it, or if the disk is full.
     MissingExtraError
-        If `scheduler` is given and Dask is not installed, or if a worker lacks what a drive needs.
+        If `scheduler` is given and Dask is not installed, or if a worker lacks a package that a drive needs.
     SimulationError
         If the workers or the scheduler died. Finished cases are kept.
 
@@ -191,8 +191,8 @@ def fingerprint(study: Study, case_function: CaseFunction) -> dict[str, Any]:
 
 
 def on_cores(work: Callable[[Case], Row], cases: Sequence[Case], workers: int | None) -> Generator[Row, None, None]:
-    """Run the cases in `workers` processes (by default one for each core), and yield the row of each case as soon as it
-    is finished.
+    """Run the cases in `workers` processes (by default one for each core), and yield the row of each case at the end of
+    the case.
 
     `work` is the function that takes a case and returns its row. With one worker the cases run in this process, where a
     debugger can follow them.
@@ -226,7 +226,7 @@ def on_cores(work: Callable[[Case], Row], cases: Sequence[Case], workers: int | 
 
 
 def on_cluster(work: Callable[[Case], Row], cases: Sequence[Case], address: str) -> Generator[Row, None, None]:
-    """Run the cases on the Dask cluster at `address`, and yield the row of each case as soon as it is finished.
+    """Run the cases on the Dask cluster at `address`, and yield the row of each case at the end of the case.
 
     If a case kills its workers, its row states this error, and the other cases continue.
 

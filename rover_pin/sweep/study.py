@@ -58,15 +58,15 @@ class Study:
         Rule that chooses the combinations of values: Grid, LatinHypercube or Sobol.
     paired : tuple of tuples of str
         Groups of parameters that change together. In each case, lists of a group (which must have equal length) take
-        their values with the same index, and ranges take the values at the same fraction of their width.
+        their values with a common index, and ranges take the values at a common fraction of their width.
     settings : mapping
-        Name of a setting of the scenario -> its value, the same in all cases.
+        Name of a setting of the scenario -> its value, common to all cases.
     duration : float, optional
         Duration of each drive [s]; by default the duration of the scenario.
     dt : float, optional
         Time step [s]; by default the time step of the scenario.
     seed : int
-        Seed from which the plan and the seeds of all cases follow.
+        Seed that determines the plan and the seeds of all cases.
     repeats : int
         Number of runs of each combination of values, each with another seed.
     trust : Trust
@@ -216,7 +216,7 @@ def canonical(content: Any) -> str:
 
 
 def _floats(content: Any) -> Any:
-    """Return `content`, in which all numbers in nested tables and lists are floats."""
+    """Return `content` with all numbers in nested tables and lists as floats."""
     if isinstance(content, Mapping):
         return {name: _floats(value) for name, value in content.items()}
     if isinstance(content, (list, tuple)):

@@ -1,7 +1,7 @@
 """A drive as an animation (GIF or MP4). It shows the rover from the side, from above if the rover turns, and a plot of
 slip against time.
 
-A second drive of the same rover, called the ghost, can be drawn over the first drive in blue outlines.
+A second drive of this rover, called the ghost, can be drawn over the first drive in blue outlines.
 """
 
 import io
@@ -45,7 +45,7 @@ def write_animation(file: Path, film: Film, name: str, ghost: Film | None = None
     file : Path
         The suffix decides the format: `.mp4` (needs ffmpeg), or a GIF for any other suffix.
     film, ghost : Film
-        The drive, and optionally a second drive of the same rover that is drawn over it.
+        The drive, and optionally a second drive of its rover that is drawn over it.
     name : str
         Title of the figure.
 
@@ -84,8 +84,8 @@ def write_animation(file: Path, film: Film, name: str, ghost: Film | None = None
 
 
 def _with_one_palette(gif: Path) -> bytes:
-    """Return the bytes of a GIF file in which all pictures have the same palette of colours. Parts of a picture that do
-    not change then take no space.
+    """Return the bytes of a GIF file with one palette of colours for all pictures. Parts of a picture that do not
+    change then take no space.
     """
     with Image.open(gif) as picture:
         pictures, lasts = [frame.convert("RGB") for frame in ImageSequence.Iterator(picture)], picture.info["duration"]
@@ -100,7 +100,7 @@ def _with_one_palette(gif: Path) -> bytes:
 def _figure(film: Film, ghost: Film | None) -> tuple[Figure, list[Draw]]:
     """Return the figure of an animation, and for each of its plots the function that makes the plot show a frame.
 
-    The side view is left out if the rover turns so far that this view would be useless. The view from above is left out
+    The side view is omitted if the rover turns so far that this view would be useless. The view from above is omitted
     if the rover drives straight on. Slip is drawn if the trace contains it.
     """
     extent, box = PathExtent.of(film.trace), film.box

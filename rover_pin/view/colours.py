@@ -1,5 +1,5 @@
-"""Colours by which views show slip (blue: the wheel brakes, pale: it rolls, dark red: it spins) and the height of the
-terrain.
+"""Colours of slip (blue: the wheel brakes, pale: it rolls, dark red: it spins) and of the height of the terrain in
+views.
 
 The colours of slip also differ in lightness, so that readers who cannot distinguish the colours can read them.
 """

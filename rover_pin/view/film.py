@@ -164,7 +164,7 @@ class Film:
 
     def refuse_other(self, ghost: Film) -> None:
         """Raise an error if a second drive (ghost) has other links than this drive. A ghost is drawn with the shapes of
-        this rover, so that it must be a drive of the same rover.
+        this rover, so that it must be a drive of this rover.
 
         Raises DataError: the ghost is a drive of another rover.
         """

@@ -7,8 +7,8 @@ import numpy as np
 from rover_pin.terrain.terrain import Extent, HeightGrid, Lanes, Profile, Terrain
 
 MAX_POINTS = 400
-"""Largest number of points of a height grid that are drawn along one axis. If the grid has more, points are left
-out."""
+"""Largest number of points of a height grid that are drawn along one axis. If the grid has more, some of its points are
+skipped."""
 RULED = 0.1
 """Distance along x [m] between the lines that are drawn across the terrain to show its shape and the rover's
 progress."""
@@ -70,8 +70,8 @@ def _corners(profiles: tuple[Profile, ...], box: Extent) -> np.ndarray:
 
 
 def _strip(x: np.ndarray, z_low: np.ndarray, z_high: np.ndarray, y_low: float, y_high: float) -> np.ndarray:
-    """Return the quadrilaterals (N-1, 4, 3) [m] between two polylines over the same x (N,): one with the heights
-    `z_low` at y = `y_low`, the other with the heights `z_high` at y = `y_high`.
+    """Return the quadrilaterals (N-1, 4, 3) [m] between two polylines over common x (N,): one with the heights `z_low`
+    at y = `y_low`, the other with the heights `z_high` at y = `y_high`.
     """
     low, high = (np.column_stack([x, np.full(x.size, y), z]) for y, z in ((y_low, z_low), (y_high, z_high)))
     return np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)

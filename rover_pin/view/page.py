@@ -41,8 +41,7 @@ def page_of(subject: Subject, others: Sequence[tuple[Subject, str]] = ()) -> str
     subject : Subject
         The drive.
     others : sequence of (Subject, str)
-        Other drives of the same rover, drawn transparent as ghosts, each with the word for its colour (a key of
-        COLOURS).
+        Other drives of this rover, drawn transparent as ghosts, each with the word for its colour (a key of COLOURS).
 
     Raises
     ------

@@ -18,7 +18,7 @@ from rover_pin.rover.rover import Rover, WheelMount
 log = logging.getLogger(__name__)
 
 PLAIN = (0.62, 0.64, 0.67)
-"""Colour of a shape for which the URDF states no colour."""
+"""Colour of a shape without a colour in the URDF."""
 ROD = 0.006
 """Largest radius [m] of the rods that are drawn for links without shapes. The radius of a short rod is a tenth of its
 length."""
@@ -47,8 +47,8 @@ def shapes_of(rover: Rover, folder: Path | None = None) -> list[Shape]:
     rover : Rover
         The rover.
     folder : Path, optional
-        Folder to which the paths of meshes in the URDF are relative; if missing, no mesh is drawn. A mesh that does not
-        exist or cannot be read is left out, and a warning names it.
+        Base folder of the relative paths of meshes in the URDF; if missing, no mesh is drawn. A mesh that does not
+        exist or cannot be read is skipped, and a warning names it.
     """
     robot = yourdfpy.URDF.load(io.BytesIO(rover.urdf.encode()), load_meshes=False, build_scene_graph=False).robot
     # The URDF is read again here, because Pinocchio's model does not contain the shapes.

@@ -28,7 +28,7 @@ PIECES = 60
 
 
 class Ghost(NamedTuple):
-    """Another drive of the same rover, which the scene draws transparent in one colour (red, green, blue from 0 to
+    """Another drive of the scene's rover, which the scene draws transparent in one colour (red, green, blue from 0 to
     255).
     """
 
@@ -37,7 +37,7 @@ class Ghost(NamedTuple):
 
 
 class Stage:
-    """The 3D scene in which viser shows a drive. Other drives of the same rover can be shown as ghosts.
+    """The 3D scene of a drive, which viser shows. Other drives of the rover can be shown as ghosts.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Stage:
     shapes : list of Shape
         The shapes of the rover, which the ghosts share.
     ghosts : sequence of Ghost
-        Other drives of the same rover.
+        Other drives of the rover.
     """
 
     def __init__(self, scene: Any, film: Film, shapes: list[Shape], ghosts: Sequence[Ghost] = ()):
@@ -143,8 +143,8 @@ class Stage:
         return rims
 
     def _add_tracks(self, film: Film) -> list[tuple[int, Any]]:
-        """Add the tracks of the wheels in pieces that are hidden at first; return each piece with the index of the
-        frame from which it is visible.
+        """Add the tracks of the wheels in pieces that are hidden at first; return each piece with the index of its
+        first visible frame.
         """
         ends = np.unique(np.linspace(0, film.t.size - 1, PIECES + 1).astype(int))
         lifted = film.tracks + np.array([0.0, 0.0, 2e-3])  # 2 mm above the terrain, which would hide the tracks

@@ -12,8 +12,8 @@ from rover_pin.terrain.terrain import Terrain
 
 @dataclass(frozen=True)
 class Subject:
-    """The drive that a view shows: a trace, its rover, its terrain, and the folder from which the rover's meshes are
-    read (None: no meshes are drawn).
+    """The drive that a view shows: a trace, its rover, its terrain, and the folder of the rover's meshes (None: no
+    meshes are drawn).
     """
 
     name: str
@@ -39,8 +39,8 @@ def subject_of_log(log: DriveLog, run: str = "") -> Subject:
 
 
 def mesh_folder(rover: str) -> Path | None:
-    """Return the folder to which the paths of meshes in a rover's URDF are relative. `rover` is the name of a rover of
-    the package, or the path of a rover's TOML.
+    """Return the base folder of the relative paths of meshes in a rover's URDF. `rover` is the name of a rover of the
+    package, or the path of a rover's TOML.
     """
     path = Path(rover)
     return urdf_folder(path) if path.suffix else rover_folder()

@@ -26,8 +26,8 @@ from rover_pin.logs.resampling import MIN_MESSAGES, Series, on_one_clock
 from rover_pin.logs.ros_bag import field_names, nanoseconds, open_bag
 
 MAX_ARRAY = 16
-"""Maximum number of entries of an array that becomes columns. Longer arrays, such as images and covariances, are left
-out."""
+"""Maximum number of entries of an array that becomes columns. Longer arrays, such as images and covariances, are
+skipped."""
 MAX_STAMP_OFFSET = 3600 * 10**9
 """Maximum median difference between the time stamps of a topic and its times of receipt [ns]. If the difference is
 larger, the stamps belong to another clock, and the times of receipt are used."""
@@ -188,7 +188,7 @@ def _stamp(message: Any) -> int | None:
 def _leaves(value: Any, path: str) -> Iterator[tuple[str, float]]:
     """Yield every number in a message as (path of the field, value).
 
-    The entries of an array are named by the array `name` of the same message, as in ROS joint states, or otherwise by
+    The entries of an array are named by the array `name` of their message, as in ROS joint states, or otherwise by
     their index.
     """
     # The header holds only stamp and frame, and the array `name` only labels; neither is a measurement.
@@ -209,7 +209,7 @@ def _leaves(value: Any, path: str) -> Iterator[tuple[str, float]]:
 def _member(value: Any, path: str, names: Any) -> Iterator[tuple[str, float]]:
     """Yield every number in one field of a message as (path of the field, value).
 
-    The entries of a short array are labelled by `names` if there are as many names as entries, and otherwise by their
+    The entries of a short array are labelled by `names` if there is one name for each entry, and otherwise by their
     index.
     """
     if isinstance(value, (str, bytes, Mapping)) or not hasattr(value, "__len__"):
@@ -223,7 +223,7 @@ def _member(value: Any, path: str, names: Any) -> Iterator[tuple[str, float]]:
 DELIMITERS = ";\t|,"
 """Characters that are tried as the separator of the cells in a text of records."""
 HEAD = 1 << 16
-"""Number of bytes at the beginning of a text file from which its format is recognised."""
+"""Number of bytes at the beginning of a text file that are read to recognise its format."""
 WORD = re.compile(r"\$?[^\W\d][\w ./-]*(?:\[[^\]]*\])?")
 """Pattern of a cell that holds a name, which a unit in brackets may follow."""
 
@@ -243,8 +243,8 @@ def delimiter_of_records(path: Path) -> str:
 def _are_records(lines: list[str], delimiter: str) -> bool:
     """Return whether the lines of a text are records.
 
-    Each record begins with the name of its type. All records of a type have the same number of cells, and at least two
-    types differ in this number.
+    Each record begins with the name of its type. All records of a type have one number of cells, and at least two types
+    differ in this number.
     """
     try:
         rows = [cells(line, delimiter) for line in lines[:-1] if line.strip()]

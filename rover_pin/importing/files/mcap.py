@@ -18,12 +18,12 @@ from rover_pin.base.files.bounded import Allowance, content
 from rover_pin.logs.unpacking import unpack_bytes
 
 MAGIC = b"\x89MCAP0\r\n"
-"""Bytes with which each MCAP file begins and ends."""
+"""Bytes at the beginning and at the end of each MCAP file."""
 HEADER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x01, 0x03, 0x04, 0x05, 0x06
 """Opcodes of the records of an MCAP file that are read. Records with other opcodes, such as indices and checksums, are
 skipped."""
 READ_ENCODINGS = ("json", "ros1", "cdr")
-"""Encodings of messages that can be read. Messages with another encoding are left out."""
+"""Encodings of messages that can be read. Messages with another encoding are skipped."""
 MAX_NAMED_CHANNELS = 6
 """Maximum number of channels that an error message lists by name."""
 

@@ -97,7 +97,7 @@ def read_raw(path: Path) -> Raw:
 
 
 def _word_notes(table: pd.DataFrame, numbers: pd.DataFrame) -> Iterator[str]:
-    """Yield a note on each word that stands in place of numbers in some rows, with the columns and the first row of the
+    """Yield a note on each word that takes the place of numbers in some rows, with the columns and the first row of the
     word.
     """
     # Columns that lose the same cells to the same word share one note, as x and y do with "NO FIX".

@@ -20,7 +20,7 @@ from rover_pin.control.torque_check import CUSTOM_LIMIT, NoLimit, TorqueLimit, n
 from rover_pin.simulation.native.shared import c_table
 
 TABLES = {"radius": "RADIUS", "factors": "FACTORS"}
-"""Names of the constant C tables to which pointers in the C struct Belief point, by the field of the struct."""
+"""Names of the constant C tables behind pointers in the C struct Belief, by the field of the struct."""
 
 
 GIVEN_SLIP = """static void estimate(RoverControl *c, const RoverReading *in, RoverCommand *out, real *travel) {
@@ -145,9 +145,7 @@ def struct_of_fixed_size(name: str, fields: Sequence[Any], lengths: Mapping[str,
 
 
 def with_static_functions(text: str) -> str:
-    """Return a C source in which the functions `rover_pin_...` are static, so that the linker does not see their
-    names.
-    """
+    """Return a C source with static functions `rover_pin_...`, so that the linker does not see their names."""
     return re.sub(r"^(void|int|integer) rover_pin_", r"static \1 rover_pin_", text, flags=re.MULTILINE)
 
 

@@ -8,7 +8,7 @@ from rover_pin.onboard.monitor.source import FIELDS, c_source, lengths
 from rover_pin.simulation.native.shared import c_table
 
 TABLES = {"radius": "RADIUS", "pulls": "PULLS", "pull_slopes": "PULL_SLOPES"}
-"""Names of the constant C tables to which pointers in the C struct Monitor point, by the field of the struct."""
+"""Names of the constant C tables behind pointers in the C struct Monitor, by the field of the struct."""
 SETTINGS = ("n", "period", "no_load_rate", "stall_current", "sinkage", "buried")
 """Fields of the C struct Monitor that are constants of the rover."""
 NUMBERED_CAUSES = ", ".join(f"{at} {name}" for at, name in enumerate((*CAUSES, CANNOT_TELL)))

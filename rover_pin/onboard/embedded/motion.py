@@ -31,14 +31,14 @@ typedef struct {{
 typedef struct {{
   rover_real integral[ROVER_WHEELS];
 }} RoverControl;"""
-"""C declarations of the structs by which the user's program and the control exchange readings and commands."""
+"""C declarations of the structs that the user's program and the control use to exchange readings and commands."""
 CORRELATION = 0.9
 """Correlation of successive readings in the test vectors, which are random and change slowly."""
 SAMPLES_BETWEEN_RESETS = 100
 """Number of samples in the test vectors after which the control is reset."""
 COMMAND_SD = np.array([0.4, 0.5, 0.1])
-"""Standard deviations of the random commands in the test vectors, divided by the rim speed at full duty: of the forward
-speed, of the yaw rate times 1 m, and of the sideways speed."""
+"""Standard deviations of forward speed, yaw rate times 1 m, and sideways speed in the random commands of the test
+vectors, divided by the rim speed at full duty."""
 NO_TRUTH = Truth(*(np.zeros(0) for _ in Truth._fields))
 """Empty values for the part of a reading that only a simulation has (true slips and speeds); this control does not use
 them."""

@@ -96,7 +96,7 @@ ONE_LANE = """static void {name}_lane(const real *of, const real *shared, real *
   {name}(arguments, results, 0, 0, 0);
 }}
 #define {name} {name}_lane"""
-"""C function that calls a CasADi function for one particle, in the form in which `belief.c` calls its laws."""
+"""C function that calls a CasADi function for one particle, in the form of the laws of `belief.c`."""
 
 
 def c_header(what: str, rover: Rover, period: float, structs: Sequence[str], ahead: Sequence[str] = ()) -> str:
@@ -113,7 +113,7 @@ def c_header(what: str, rover: Rover, period: float, structs: Sequence[str], ahe
     structs : sequence of str
         C declarations of the structs.
     ahead : sequence of str
-        Further lines of declarations: those of the monitor.
+        Further lines of declarations, for the monitor.
     """
     return HEADER.format(
         what=what,
@@ -165,9 +165,7 @@ class EmbeddedControl:
 
     @cached_property
     def expressions(self) -> list[ca.Function]:
-        """The CasADi functions that the C code evaluates: those of the PI law, of the on-board slip estimate and of the
-        monitor.
-        """
+        """The CasADi functions that the C code evaluates, for the PI law, the slip estimate and the monitor."""
         of_monitor = monitor_source.expressions(self.monitor.law) if self.monitor else ()
         return [self.control.expression, *(self.on_board.expressions if self.on_board else ()), *of_monitor]
 
@@ -231,8 +229,8 @@ class EmbeddedControl:
 def embed(controller: Controller, model: Model) -> EmbeddedControl:
     """Return the export of a slip control as C, for the rover of a model.
 
-    Raises ParameterError: the controller is no slip control. `EmbeddedControl.source` raises the same error if the slip
-    estimate or the torque limit is a class that a user has written in Python.
+    Raises ParameterError: the controller is no slip control. `EmbeddedControl.source` also raises this error if the
+    slip estimate or the torque limit is a class that a user has written in Python.
     """
     # A stop contains the slip control; a control with an on-board slip estimate also gets the monitor.
     stop = controller if isinstance(controller, StopStuck) else None
@@ -247,8 +245,8 @@ def embed(controller: Controller, model: Model) -> EmbeddedControl:
 
 
 def casadi_functions(expressions: Sequence[ca.Function]) -> str:
-    """Return the C code of CasADi functions as static C functions of the same names, with the helper functions that
-    they call.
+    """Return the C code of CasADi functions as static C functions of these names, with the helper functions that they
+    call.
 
     CasADi generates each function as `casadi_f0` and a public wrapper around it. Only the body is kept, under the name
     of the wrapper, because all other C code that CasADi writes (sparsity, work sizes, reference counts) is unused here.

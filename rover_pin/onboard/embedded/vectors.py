@@ -18,18 +18,18 @@ from rover_pin.simulation.command import Command, Reading, Truth
 CORRELATION = 0.97
 """Correlation of successive random readings, which makes the readings change slowly, as measurements do."""
 UNSEEN_FRACTION = 0.3
-"""Fraction of the samples in the test vectors in which visual odometry measures no speed."""
+"""Fraction of the samples in the test vectors without a speed from visual odometry."""
 SAMPLES_BETWEEN_RESETS = 100
-"""Number of samples in the test vectors after which the control is reset, so that the C code of the reset is compared
-as well."""
+"""Number of samples in the test vectors after which the control is reset, so that the C code of the reset is also
+compared."""
 READINGS = {"rate": (5.0, 4.0), "current": (0.6, 0.4), "link": (0.0, 0.15), "tilt": (0.0, 0.15), "slip": (0.3, 0.4),
            "travel": (0.05, 0.03), "duty": (0.5, 0.4)}  # fmt: skip
 """Mean and standard deviation of the random readings in SI units, by the group of readings."""
 
 
 class _GivenSpeed(NamedTuple):
-    """A visual odometry that returns the speed that is written in the reading, because the C code takes the speed from
-    the reading as well.
+    """A visual odometry that returns the speed that is written in the reading, because the C code also takes the speed
+    from the reading.
     """
 
     lag: int
@@ -108,8 +108,8 @@ def _python_answers(twin: EmbeddedControl, read: dict[str, np.ndarray], late_spe
 
 
 def _twin(export: EmbeddedControl) -> EmbeddedControl:
-    """Return a copy of an export that has its own memory. If the control has visual odometry, that of the copy returns
-    the speed that is written in the reading.
+    """Return a copy of an export that has its own memory. If the control has visual odometry, the odometry of the copy
+    returns the speed that is written in the reading.
     """
     # The control, the stop and the monitor of the copy must all refer to the copy's slip estimate.
     control, on_board = dataclasses.replace(export.control, integral=0.0, depth=0.0), export.on_board

@@ -69,7 +69,7 @@ def unit_of(control: Controller, model: Model) -> FunctionalUnit:
     """Return the functional mock-up unit of a control for a model's rover: a slip control, or held speeds.
 
     A co-simulation should step this unit before the rover's unit (`plant`), with the outputs of the rover's last step
-    as its inputs. The control is then sampled in the same order as in `simulate`.
+    as its inputs. The control is then sampled in the order of `simulate`.
 
     Raises ParameterError: the control is of another kind, or has parts that cannot be exported.
     """

@@ -1,6 +1,6 @@
 """A rover on its ground as a functional mock-up unit (FMU): the compiled simulation, with its memory as C code.
 
-A drive of the compiled simulation is a set of C structs with pointers to NumPy arrays. Here the same structs and arrays
+A drive of the compiled simulation is a set of C structs with pointers to NumPy arrays. Here these structs and arrays
 become one C struct, which is filled with the values that they have after the rover has been set down.
 """
 
@@ -56,7 +56,7 @@ def plant(model: Model, start: Start = Start(), timing: Timing = Timing()) -> Fu
 
     A step of the unit takes one control period. During a step, duties and steering targets are constant, and the
     outputs are the readings at the end of the step. The soil's constants are parameters, which may change at any time.
-    The results equal those of `simulate`, except for the rounding of another compiler's elementary functions.
+    The results equal the results of `simulate`, except for the rounding of another compiler's elementary functions.
 
     Parameters
     ----------
@@ -147,10 +147,9 @@ class _Block:
 
 
 class _Image:
-    """The memory of a drive as C code: the fields of its structs, and the arrays to which their pointers point.
+    """The memory of a drive as C code: the fields of its structs, and the arrays behind their pointers.
 
-    `functions` are the names of the C functions to which the function pointers of the struct point, by the name of the
-    pointer.
+    `functions` are the names of the C functions behind the function pointers of the struct, by the name of the pointer.
     """
 
     def __init__(self, kernel: Kernel, loop: Loop, functions: Mapping[str, str]):

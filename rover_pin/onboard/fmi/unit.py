@@ -30,7 +30,7 @@ from rover_pin.simulation.native.shared import c_number
 SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("windows", ".dll")}
 """Name of the operating system in FMI and suffix of a shared library, by the name of the platform in Python."""
 MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
-"""Name of a processor in FMI, by its name in Python. A processor with the same name in both is not listed."""
+"""Name of a processor in FMI, by its name in Python. A processor with one name in both is not listed."""
 MAIN = "unit.c"
 """Name of the C file that defines the functions of a unit that `fmi3.c` calls."""
 
@@ -50,9 +50,9 @@ class Variable:
     "start values"
     description: str
     low: float = -sys.float_info.max
-    """smallest value to which the variable may be set"""
+    """smallest allowed value of the variable"""
     high: float = sys.float_info.max
-    """largest value to which the variable may be set"""
+    """largest allowed value of the variable"""
     may_be_nan: bool = False
     """whether the variable may be set to NaN, for a measurement that is missing"""
 
@@ -117,7 +117,7 @@ static const double START[] = {{{start}}};
 
     @cached_property
     def token(self) -> str:
-        """The instantiation token, a digest of the unit's content, with which a simulator distinguishes units."""
+        """The instantiation token, a digest of the unit's content, which lets a simulator distinguish units."""
         content = repr((self.name, self.period, self.variables, sorted(self.sources.items())))
         return f"{{{hashlib.sha256(content.encode()).hexdigest()[:32]}}}"
 
@@ -164,7 +164,7 @@ static const double START[] = {{{start}}};
 
     @cached_property
     def build_xml(self) -> str:
-        """The text of sources/buildDescription.xml, from which a tool can build the unit for another system."""
+        """The text of sources/buildDescription.xml, so that a tool can build the unit for another system."""
         root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
         build = ET.SubElement(root, "BuildConfiguration", modelIdentifier=self.name)
         sources = ET.SubElement(build, "SourceFileSet", language="C11")

@@ -21,8 +21,8 @@ from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.native.shared import fill
 
 CAUSES = ("grip lost", "digging", "wall", "motor", "sensor")
-"""The causes that the monitor distinguishes: three causes for which a rover will be stuck, and two faults (motor,
-sensor). The C code numbers them in this order."""
+"""The causes that the monitor distinguishes: three causes of a stuck rover, and two faults (motor, sensor). The C code
+numbers them in this order."""
 CANNOT_TELL = "cannot tell"
 """The cause that is stated if the rover will probably be stuck, but no single cause has more than half of this
 probability."""
@@ -52,7 +52,7 @@ class Monitor:
 
     Forecast. The monitor reads the belief of the on-board slip estimate, a set of weighted particles. `DRAWS`
     particles, each with a random rate of digging, are continued for `HORIZON` seconds at the present rim speeds by the
-    balance of forces (`AheadLaw`). P(stuck) is the fraction of these particles in which the rover stops. A resistance
+    balance of forces (`AheadLaw`). P(stuck) is the fraction of these particles with a rover that stops. A resistance
     that is explained neither by the slope nor by the holes counts as an obstacle, which the rover passes within one
     wheel radius.
 
@@ -66,10 +66,10 @@ class Monitor:
     sensor's fault if it is not finite, or if it has not changed at all although its motor is driven.
 
     Rate of digging. The hypotheses are values of c_d, the rate of digging of `DiggingMemory`; for each hypothesis, the
-    monitor integrates separate depths of the holes. Each hypothesis is weighed by the balance of forces, in which the
-    pull of the wheels minus the resistance of slope and holes must be zero to within the scatter that uneven ground
-    adds. P(stuck) uses the evidence of the whole time. P(buried) uses only the evidence of the driven distance, because
-    an obstacle can hold a standing rover in the same way as a hole.
+    monitor integrates separate depths of the holes. Each hypothesis is weighed by the balance of forces: the pull of
+    the wheels minus the resistance of slope and holes must be zero to within the scatter that uneven ground adds.
+    P(stuck) uses the evidence of the whole time. P(buried) uses only the evidence of the driven distance, because an
+    obstacle, like a hole, can hold a rover that does not move.
 
     Limits. The monitor cannot see an obstacle that no wheel touches yet. It assumes the soil of the model, as
     `OnboardSlip` does, and its forecast is wrong if this soil is wrong. In reverse, torques carry no information, and
@@ -88,7 +88,7 @@ class Monitor:
     sinkage : float
         Sinkage of a wheel on fresh ground without slip [m].
     buried : float
-        Ratio of sinkage to radius above which a wheel counts as buried [-].
+        Maximum ratio of sinkage to radius of a wheel that is not buried [-].
     motor : Motor
         Motor of each wheel.
 
@@ -137,7 +137,7 @@ class Monitor:
         return cls(estimate or OnboardSlip.of(model), law, pulls, standing_sinkage(model), buried, model.motor)
 
     def reading_from(self, estimate: OnboardSlip) -> Monitor:
-        """Return a monitor with the same constants that reads the particles of another slip estimate."""
+        """Return a monitor with these constants that reads the particles of another slip estimate."""
         return Monitor(estimate, *self._settings)
 
     def reset(self) -> None:
@@ -157,8 +157,8 @@ class Monitor:
         return self._forecast(reading.t)
 
     def after(self, reading: Reading) -> Forecast:
-        """Return the forecast after a reading of the sensors with which a control has already updated the slip
-        estimate.
+        """Return the forecast after a reading of the sensors. A control has already updated the slip estimate with this
+        reading.
         """
         if self._check(reading):
             self._foresee()

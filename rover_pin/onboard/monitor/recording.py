@@ -19,8 +19,8 @@ from rover_pin.simulation.trace.trace import Trace
 MAX_GAP = 1.0
 """Maximum gap between two rows of a recording that is interpolated [s]. After a longer gap, the monitor is reset."""
 MIN_DRIVING_RATIO = 0.1
-"""Ratio of the rim speed to its maximum in the recording, above which a row counts as driving [-]. Other rows are not
-used to find the scale of the currents."""
+"""Minimum ratio of the rim speed to its maximum in the recording, for a row that counts as driving [-]. Other rows are
+not used to find the scale of the currents."""
 
 
 class MonitorInput(NamedTuple):
@@ -135,9 +135,8 @@ def current_scale(model: Model, rates: np.ndarray, currents: np.ndarray, pitch: 
     """Return the factor [A per recorded unit] that turns recorded currents of unknown scale into currents in A.
 
     With this factor, the pull of the wheels balances the slope and the motion resistance. The factor is computed from
-    the rows in which the rover drives forwards: there, the median of sum(T / r) / W equals the median of tan(slope)
-    plus the torque factor T / (r W) at the slip of a cruise. T is the torque of a wheel, r its radius, and W the weight
-    of the rover.
+    the rows of forward driving: there, the median of sum(T / r) / W equals the median of tan(slope) plus the torque
+    factor T / (r W) at the slip of a cruise. T is the torque of a wheel, r its radius, and W the weight of the rover.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ than their rims."""
 
 
 class AheadLaw(NamedTuple):
-    """The constants of a rover in the balance of forces with which the monitor forecasts its motion.
+    """The constants of a rover in the balance of forces. The monitor forecasts the rover's motion with this balance.
 
     The constants are tuples and records, so that equal rovers have equal laws and share the compiled code.
     """
@@ -41,7 +41,7 @@ class AheadLaw(NamedTuple):
     radii: tuple[float, ...]
     "radii of the wheels [m]"
     relaxed: RelaxedSlip
-    """law by which the slip of a wheel follows its speeds with a delay"""
+    """law that lets the slip of a wheel follow its speeds with a delay"""
     gravity: float
     "gravity [m/s^2]"
 
@@ -116,14 +116,14 @@ PRIOR = np.array([0.5, 0.125, 0.125, 0.125, 0.125])
 DRAWS = 60
 """Number of particles that a forecast continues."""
 ALARM, SMOOTHING_TIME = 0.75, 0.3
-"""Smoothed P(stuck) above which an alarm begins, and the time constant of the smoothing [s]. The alarm ends when the
+"""Maximum smoothed P(stuck) without an alarm, and the time constant of the smoothing [s]. The alarm ends when the
 smoothed P(stuck) falls below half of ALARM. With these numbers, there were fewer than five false alarms per hour for
 the seeds 291001 and 291002 of `studies/monitor.py`."""
 WORTH, NAMED = 0.2, 0.5
-"""Minimum P(stuck) for which the monitor searches for a cause, and minimum fraction of P(stuck) that a cause must have
-to be stated as the cause."""
+"""Minimum P(stuck) for a search for a cause, and minimum fraction of P(stuck) that a cause must have to be stated as
+the cause."""
 WINDOW = 20
-"""Number of latest samples in which the monitor searches for faults of motors and sensors."""
+"""Number of latest samples in the search for faults of motors and sensors."""
 NUMBERS = {
     "EVERY": 2,  # samples from one forecast to the next
     "UNSETTLED": 10,  # first samples, in which the belief has no rates of the posture yet
@@ -206,8 +206,8 @@ declaration."""
 
 
 class MonitorStruct(ctypes.Structure):
-    """The C struct Monitor, the memory of the monitor, as a ctypes structure with the same layout. Python fills it and
-    C code updates it.
+    """The C struct Monitor, the memory of the monitor, as a ctypes structure of equal layout. Python fills it and C
+    code updates it.
     """
 
     _fields_ = struct_fields(FIELDS)
@@ -224,8 +224,8 @@ def lengths(wheels: int) -> dict[str, int]:
 
 
 def expressions(law: AheadLaw) -> list[ca.Function]:
-    """Return the CasADi functions that `monitor.c` calls: the time step of the forecast, and the law by which holes
-    become deeper.
+    """Return the CasADi functions that `monitor.c` calls: the time step of the forecast, and the law of the deepening
+    of holes.
     """
     return [law.step(), deepening()]
 

@@ -46,12 +46,12 @@ mujoco.set_mjcb_passive(None)
 x, y, z = data.qpos[:3]
 print(f"t = {{data.time:.2f}} s: x = {{x:.4f}} m, y = {{y:.4f}} m, mean slip {{soil.of_wheels('slip').mean():.3f}}")
 """
-"""Text of a Python program that drives the rover of the file `rover.xml`, in the same folder, on the soil of a
+"""Text of a Python program that drives the rover of the file `rover.xml`, in the program's folder, on the soil of a
 scenario."""
 
 
 def mjcf(model: Model, start: Start = Start(), timestep: float = TIMESTEP) -> str:
-    """Return a model's rover as the text of an MJCF file, with a key frame `start` in which the rover is at rest.
+    """Return a model's rover as the text of an MJCF file, with a key frame `start` of the rover at rest.
 
     Bodies and joints have the names of the rover's joints; the base is `root_joint`. The entries of MuJoCo's control
     vector `ctrl` are the duties of the wheels (`duty_fl` ...), with torque = stall_torque (duty - rate / no_load_rate),

@@ -37,7 +37,7 @@ class SoilForces:
     mj_model : mujoco.MjModel
         MuJoCo's model of this rover, alone or within a larger world. Joints and actuators are found by their names.
     start : Start
-        Position and heading at which the rover is set down, the same as for `mjcf`.
+        Position and heading at which the rover is set down, as given to `mjcf`.
     prefix : str
         Prefix of the names, if the rover has been attached to a world with a prefix.
 
