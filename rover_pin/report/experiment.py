@@ -55,6 +55,7 @@ def points_picture(
     """
     if verdict.before is None or verdict.after is None:
         return None
+    # The alternative text states the numbers, because a screen reader cannot see the picture.
     errors = listing(
         f"{score.name} {format_value(score.before, score.unit)} to {format_value(score.after, score.unit)}"
         for score in verdict.scores

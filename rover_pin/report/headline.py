@@ -68,6 +68,7 @@ def headline(verdict: Verdict, labels: Labels) -> str:
         + (f", with probability {p:.2f}" if math.isfinite(p) else "")
         for names, p in choices(verdict)
     )
+    # Each answer has its own form of sentence, which claims no more than the answer.
     if answer is Answer.NAMED:
         sentence = f"{alternatives}."
     elif answer is Answer.SET:
@@ -252,6 +253,7 @@ def _reasons_for_addition(verdict: Verdict, labels: Labels) -> Iterator[str]:
             f"{labels.unseen} {len(better)} of {len(verdict.scores)} channels are predicted better beyond their "
             f"scatter and {len(worse)} worse; the error changes most for {change}"
         )
+    # Only a majority of repeated selections supports the choice.
     agree, folds = verdict.agreeing_folds, len(verdict.chosen)
     if folds and 2 * agree > folds:
         yield _repeated_choices(verdict, labels)

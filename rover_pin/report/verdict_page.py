@@ -123,6 +123,7 @@ def first_lines(verdict: Verdict, labels: Labels) -> str:
         "doubt it because": opposing_reasons(verdict, labels)[:MAX_NAMED],
         "next": next_run(verdict),
     }
+    # A list of reasons that is empty is not printed.
     lines = [line for line in (headline(verdict, labels), improvement(verdict, labels)) if line]
     for head, reasons in parts.items():
         lines += [f"{head}:", *(f"  - {line}" for line in reasons)] if reasons else []

@@ -72,6 +72,7 @@ def configuration(rover: Rover, attitude: tuple[float, float, float], angles: Ma
     ParameterError
         The rover does not have one of the angles.
     """
+    # The base is at the origin; its attitude is stored as a quaternion.
     q = pin.neutral(rover.model)
     roll, pitch, yaw = attitude
     rotation = pin.rpy.rpyToMatrix(float(roll), float(pitch), float(yaw))
@@ -80,6 +81,7 @@ def configuration(rover: Rover, attitude: tuple[float, float, float], angles: Ma
         if name not in rover.angles:
             raise ParameterError(f"Rover '{rover.name}' has no angle '{name}': {closest(name, rover.angles)}")
         q[rover.angles[name]] = angle
+    # Joints that follow other joints get their angles from the leading joints.
     for joint in rover.couplings:
         if joint.q_follower is not None:
             q[joint.q_follower] = joint.ratio * q[joint.q_leader]
@@ -120,6 +122,7 @@ def footing(rover: Rover, q: np.ndarray) -> tuple[Footing, np.ndarray]:
     less accurate.
     """
     jacobians, (_, centres) = wheel_jacobians(rover, q), wheel_mounts(rover, q)
+    # The direction along each side runs from the wheel behind to the wheel ahead; an end wheel takes its own place.
     along = np.empty_like(centres)
     for side in "lr":
         rows = [i for i, wheel in enumerate(rover.wheels) if wheel.side == side]
@@ -207,6 +210,7 @@ def determinate_groups(rover: Rover, foot: Footing, jacobians: np.ndarray) -> li
     others: list[int] = []
     for axle in dict.fromkeys(wheel.axle for wheel in rover.wheels):
         wheels = tuple(i for i, wheel in enumerate(rover.wheels) if wheel.axle == axle)
+        # All wheels of an axle are determined, or only their sum, or neither.
         if np.all(np.linalg.norm(open_[list(wheels)], axis=1) < MAX_OPEN_SHARE):
             groups += [(i,) for i in wheels]
         elif np.linalg.norm(open_[list(wheels)].sum(axis=0)) < MAX_OPEN_SHARE:

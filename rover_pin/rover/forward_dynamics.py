@@ -58,6 +58,7 @@ class Dynamics:
         self.data = self.model.createData()
         # Pinocchio overwrites the arrays in `data` in place, so that these references always show the current centres.
         self._centres = [self.data.oMi[wheel.joint].translation for wheel in rover.wheels]
+        # A wheel moves with the degrees of freedom of all joints that carry it.
         self._moves = np.zeros((len(rover.wheels), self.model.nv))
         for row, wheel in zip(self._moves, rover.wheels, strict=True):
             row[supporting_dofs(self.model, wheel.joint)] = 1.0

@@ -217,6 +217,7 @@ class Rover:
         ParameterError
             The two slopes together leave no upward direction.
         """
+        # Level ground that rises is described by gravity that is not vertical in the frame of the ground.
         x, y = math.sin(rise_x), math.sin(rise_y)
         if not (abs(rise_x) < math.pi / 2 and abs(rise_y) < math.pi / 2 and x * x + y * y < 1.0):
             raise ParameterError(
@@ -343,6 +344,7 @@ def load_named(rover: str, file: Path, trust: Trust = Trust()) -> Rover:
     Raises UrdfError: the name does not lead to a rover. If the TOML lies outside the folder of `file`, the error does
     not quote the content of the TOML, because the path came from data and may lead to a private file.
     """
+    # A path next to the file has priority over a name of the package.
     beside = file.parent / rover
     path = beside if is_file(beside) else Path(rover)
     elsewhere = path.suffix != "" and not path.resolve().is_relative_to(file.parent.resolve())
@@ -364,6 +366,7 @@ def assemble(layout: Layout) -> Rover:
 
     Call `refuse_faults` first: a URDF with faults leads to an error of Pinocchio, or to a wrong rover.
     """
+    # The model has a free base; the joints of the URDF get their roles from the layout.
     model = free_tree(layout.text)
     wheels = []
     for number, axle in enumerate(layout.axles):
@@ -422,6 +425,7 @@ def mirror(model: pin.Model, pairs: Sequence[tuple[str, str]]) -> Mirror:
     perm, sign = np.arange(model.nv), np.ones(model.nv)
     sign[[1, 3, 5]] = -1.0
     axes = axes_at_zero(model)
+    # A joint's partner lies on the other side; the image of its axis decides the sign of the rate.
     for left, right in pairs:
         a, b = _dof(model, left), _dof(model, right)
         image = axes[a] * [-1.0, 1.0, -1.0]

@@ -76,6 +76,7 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
     """
     path = Path(path)
     try:
+        # A file that cannot be read has one fault, and no further checks are possible.
         layout = None if path.suffix == ".urdf" else read_layout(path, trust)
         text = urdf_text(path) if layout is None else layout.text
         tree = read_tree(text, path.name if layout is None else layout.file)
@@ -100,6 +101,7 @@ def _fold_sentences(file: str, sentences: list[str]) -> tuple[str, ...]:
 
     Such sentences become the first of them, followed by the names of the others: "Likewise 'fr', 'rl'.".
     """
+    # Sentences of one pattern are joined: the first is printed in full, and the others only by their names.
     groups: dict[str, list[str]] = {}
     for sentence in sentences:
         quoted_names = re.findall(r"'[^']*'", sentence)
@@ -118,6 +120,7 @@ def _standing_faults(layout: Layout) -> Iterator[str]:
     If a small slope already destroys the balance, the balance is unstable, and counts as none.
     """
     rover = assemble(layout)
+    # The balance is computed on level ground and on two small slopes, which show whether it is stable.
     try:
         loads, *_ = (wheel_loads(rover, slope) for slope in (0.0, STABILITY_SLOPE, -STABILITY_SLOPE))
     except ParameterError as error:
@@ -151,6 +154,7 @@ def _notes(tree: UrdfTree, layout: Layout | None, model: pin.Model, folder: Path
             yield f"joint '{joint.name}' has <dynamics>, which is not used; friction is an effect of the model."
     if layout is None:
         yield "without a TOML only the URDF itself was checked; write a TOML that states which joints are wheels."
+    # A mesh outside the package's folder is not read, so that it is missing in the views.
     meshes = dict.fromkeys(mesh for link in tree.links for mesh in link.meshes)
     missing = [mesh for mesh in meshes if mesh_file(mesh, folder) is None]
     if missing:

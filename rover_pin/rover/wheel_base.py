@@ -93,6 +93,7 @@ def effective_track(rover: Rover, resistance: float = 0.0) -> float:
             "friction that the soil can bear, so that it does not turn by the speeds of its sides. Lower the motion "
             "resistance R, or give the effective track as control.track."
         )
+    # x is the distance of each wheel from the middle of the axles.
     length = np.array([place[0] for place in wheel_places(rover).values()])
     x, track = np.abs(length - np.mean(length)), base_of(rover).track
 
@@ -120,6 +121,7 @@ def reach_of(rover: Rover) -> tuple[np.ndarray, np.ndarray]:
     pin.forwardKinematics(model, data, pin.neutral(model))
     # The world (index 0) has no body.
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    # A body is replaced by a uniform box of equal mass and equal moments of inertia.
     for pose, body in zip(data.oMi[1:], model.inertias[1:], strict=True):
         J = pose.rotation @ body.inertia @ pose.rotation.T
         second = np.trace(J) / 2.0 - np.diag(J)

@@ -74,6 +74,7 @@ def run_case(study: Study, case_function: CaseFunction, case: Case) -> Row:
     """
     try:
         outcomes = case_function(study, case)
+        # The outcomes of a user's function are checked, because they become columns of the table.
         if not isinstance(outcomes, Mapping):
             raise DataError(
                 f"the case function returned an object of the type {type(outcomes).__name__}; it must return a mapping "
@@ -89,6 +90,7 @@ def run_case(study: Study, case_function: CaseFunction, case: Case) -> Row:
                     f"the outcome '{name}' has the type {type(value).__name__}; give a number, a text or true/false."
                 )
         cells = {name: _cell(outcomes[name]) for name in sorted(outcomes)}
+    # A missing package or folder stops the sweep, because every case would fail; any other error is the case's own.
     except (MissingExtraError, CacheError):
         raise
     except Exception as error:

@@ -44,6 +44,7 @@ class Range(Axis):
     high: float
 
     def __post_init__(self) -> None:
+        # Both ends must be numbers before they are compared.
         for name in ("low", "high"):
             value = getattr(self, name)
             if kind_of(value) != "number":
@@ -106,6 +107,7 @@ class Values(Axis):
         object.__setattr__(self, "values", tuple(plain(value) for value in self.values))
         if not self.values:
             raise ParameterError("the list of values is empty: give at least one value.")
+        # A column of the table has one type, so a list may not mix types.
         kinds = {kind_of(value) for value in self.values}
         if len(kinds) > 1 or None in kinds:
             raise ParameterError(

@@ -56,12 +56,14 @@ def read_study(path: str | Path, trust: Trust = Trust()) -> Study:
 def _study(table: dict[str, Any]) -> Study:
     # Names first: the user learns of a mistyped key, not of a value that seems to be missing because of it.
     fields = (field for field in dataclasses.fields(Study) if field.name != "trust")
+    # Misspelt and missing keys are reported before any value is read.
     _check_keys(table, [field.name for field in fields], "the study")
     for name in ("name", "scenario", "plan", "parameters"):
         if name not in table:
             raise ParameterError(f"the study has no '{name}': add it.")
     axes = {name: _axis(name, entry) for name, entry in _flat(table["parameters"], "parameters")}
     settings = {}
+    # A setting is a plain value or a table with a unit.
     for name, entry in _flat(table.get("settings", {}), "settings"):
         if isinstance(entry, Mapping):
             _check_keys(entry, SETTING_KEYS, f"setting '{name}'")
@@ -81,6 +83,7 @@ def _plan(entry: Any) -> Plan:
     kind = _choice_of(entry["kind"], PLANS, "plan")
     arguments = {name: value for name, value in entry.items() if name != "kind"}
     _check_keys(arguments, [field.name for field in dataclasses.fields(kind)], f"the plan '{entry['kind']}'")
+    # Only a grid has as many cases as its lists give; every other plan needs their number.
     if kind is not Grid and "cases" not in arguments:
         raise ParameterError(f"the plan '{entry['kind']}' has no 'cases': add the number of cases.")
     return kind(**arguments)
@@ -96,6 +99,7 @@ def _flat(table: Any, where: str, prefix: str = "") -> list[tuple[str, Any]]:
         raise ParameterError(f"{where} must be a table, which begins with the line [{where}].")
     entries = []
     for name, entry in table.items():
+        # A table without the keys of an entry groups names, as in [parameters.soil].
         if isinstance(entry, Mapping) and not ENTRY_MARKS & set(entry):
             entries += _flat(entry, where, f"{prefix}{name}.")
         else:
@@ -108,6 +112,7 @@ def _axis(name: str, entry: Any) -> Axis:
     a table with a range.
     """
     try:
+        # The entry is a list of values, a table with a list and a unit, or a range.
         if isinstance(entry, list):
             return Values(entry)
         if not isinstance(entry, Mapping):

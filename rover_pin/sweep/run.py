@@ -116,6 +116,7 @@ def sweep(
     refuse_both(workers, scheduler)
     place = Path(folder or Path("out") / study.name)
     with alone_in(place), ending_workers():
+        # Finished cases of an earlier run are skipped, if the description of the study is unchanged.
         store = Store(place, fingerprint(study, case_function))
         before = store.keys()
         pending = [case for case in study.cases() if case.key not in before]
@@ -142,6 +143,7 @@ def _save_rows(store: Store, rows: Generator[Row, None, None], done: int, total:
     """Save the row of each case as soon as the case is finished, and show the progress. `done` of `total` cases were
     finished before.
     """
+    # Each row is on the disk before the next one is waited for, so that a stop loses no finished case.
     try:
         with closing(rows), progress(str(store.study["name"]), total, done) as advance:
             for row in rows:
@@ -165,6 +167,7 @@ def _draw(study: Study, results: Results) -> None:
         units = {setting.name: setting.unit for setting in settings_of(study.scenario, **{**study.settings, **first})}
     except RoverPinError:
         units = {}
+    # Parameters on a logarithmic scale get a logarithmic axis.
     logarithmic = [name for name, axis in study.parameters.items() if isinstance(axis, LogRange)]
     labels = {name: units.get(name, "") for name in study.parameters}
     save(study_figure(study.name, results.table, labels, logarithmic), results.folder / PICTURE)
@@ -184,6 +187,7 @@ def fingerprint(study: Study, case_function: CaseFunction) -> dict[str, Any]:
         package = "not installed"
     module, name = (getattr(case_function, part, "?") for part in ("__module__", "__qualname__"))
     description = {"rover_pin": package, "case_function": f"{module}.{name}", **study.describe()}
+    # Files that the study names belong to its description, because another content gives other results.
     lists = [axis.values for axis in study.parameters.values() if isinstance(axis, Values)]
     words = {word for values in (study.settings.values(), *lists) for word in values if isinstance(word, str)}
     files = {word: hashlib.sha256(content(word)).hexdigest()[:16] for word in sorted(words) if is_file(Path(word))}
@@ -205,6 +209,7 @@ def on_cores(work: Callable[[Case], Row], cases: Sequence[Case], workers: int | 
             f"workers = {workers!r} is not allowed: give a whole number of at least 1, or leave workers "
             "out to use all cores."
         )
+    # One worker runs in this process, which shows an error with its place in the code.
     if workers == 1:
         yield from map(work, cases)
         return
@@ -266,6 +271,7 @@ def _check_sendable(work: Callable[[Case], Row]) -> None:
     from joblib.externals.loky.backend.reduction import dumps
 
     try:
+        # The function is pickled once here, so that the error names the cause before processes start.
         dumps(work)
     except Exception as error:
         raise ParameterError(
@@ -323,6 +329,7 @@ def _lines(name: str, total: int, done: int) -> Iterator[Advance]:
         warn(f"{name}: {done + finished} of {total} cases, {failed} failed{remaining}")
 
     def advance(has_failed: bool) -> None:
+        # Lines are printed at intervals, because the output may be a file.
         nonlocal finished, failed, last
         finished += 1
         failed += has_failed

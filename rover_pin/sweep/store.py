@@ -108,6 +108,7 @@ def known_study(folder: Path) -> dict[str, Any]:
 
     Raises DataError if there is no such description, or if it is damaged.
     """
+    # A missing file and a damaged file have different remedies.
     try:
         study = json.loads(text(folder / STUDY_FILE))
     except OSError as error:

@@ -98,6 +98,7 @@ class Study:
     trust: Trust = Trust()
 
     def __post_init__(self) -> None:
+        # The checks follow the fields: pairs, scenario, name, times and counts.
         rows = (list, tuple)
         lists = isinstance(self.paired, rows) and all(isinstance(names, rows) for names in self.paired)
         if not lists or not all(isinstance(name, str) for names in self.paired for name in names):
@@ -129,6 +130,7 @@ class Study:
         """
         if not self.parameters:
             raise ParameterError("the study varies nothing: give at least one parameter.")
+        # A name is either varied or fixed.
         for name in self.settings:
             if name in self.parameters:
                 raise ParameterError(f"'{name}' is both a setting and a parameter: remove one of them.")
@@ -146,6 +148,7 @@ class Study:
                 raise ParameterError(
                     f"paired names '{name}' {times} times, but a parameter can be in one group only: name it once."
                 )
+        # Parameters that change together need equal numbers of values, or must all be ranges.
         for names in self.paired:
             axes = [self.parameters[name] for name in names]
             lengths = {len(axis.values) if isinstance(axis, Values) else None for axis in axes}

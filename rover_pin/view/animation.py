@@ -54,9 +54,11 @@ def write_animation(file: Path, film: Film, name: str, ghost: Film | None = None
     DataError
         The ghost belongs to another rover, or the file cannot be written.
     """
+    # The ghost is drawn with the shapes of this rover, so it must have the same wheels.
     if ghost is not None:
         film.refuse_other(ghost)
     span = float(film.t[-1] - film.t[0])
+    # A long drive gets fewer pictures for each second, and the title states how much faster it runs.
     count = min(film.t.size, MAX_PICTURES, int(span * PICTURES_PER_SECOND) + 2)
     frames = np.unique(np.linspace(0, film.t.size - 1, count).astype(int))
     faster = span * PICTURES_PER_SECOND / len(frames)
@@ -133,6 +135,7 @@ def _side(axes: Axes, film: Film, ghost: Film | None) -> Draw:
     axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]", xlim=(box.x_low, box.x_high), ylim=(floor, top))
     sand = axes.add_patch(Polygon(np.zeros((3, 2)), fc="#d9c9a5", ec="#8a7340", lw=1))
     right_ground = axes.plot([], [], color="#8a7340", lw=0.9, ls="--")[0]
+    # The links and the wheels of the left side; the ghost is drawn over them as an outline.
     rovers = [_rover_from_side(axes, film, sides["l"], None)]
     if ghost is not None:
         rovers.append(_at_time_of(film, ghost, _rover_from_side(axes, ghost, sides["l"], GHOST)))
@@ -161,6 +164,7 @@ def _rover_from_side(axes: Axes, film: Film, wheels: list[int], outline: str | N
     rims = {n: axes.add_patch(Circle((0, 0), r, ec=outline or "k", fc="none", lw=1)) for n, r in radii.items()}
 
     def draw(frame: int) -> None:
+        # Side view: x to the right and z upwards.
         rods.set_data(film.rods[frame, :, 0], film.rods[frame, :, 2])
         for n, rim in rims.items():
             rim.center = (float(film.centres[frame, n, 0]), float(film.centres[frame, n, 2]))
@@ -202,6 +206,7 @@ def _rover_from_above(axes: Axes, film: Film, outline: str | None) -> Draw:
     hull = axes.add_patch(Polygon(np.zeros((3, 2)), fc="none", ec=outline or "#333333", lw=1))
 
     def draw(frame: int) -> None:
+        # The track of a wheel is the path of its centre up to this frame.
         for n, mount in enumerate(film.rover.wheels):
             lines[n].set_data(film.centres[: frame + 1, n, 0], film.centres[: frame + 1, n, 1])
             rims[n].set_xy(footprint(mount, film.centres[frame, n], film.left[frame, n]))

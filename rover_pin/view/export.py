@@ -50,6 +50,7 @@ def write_mcap(file: Path, subject: Subject) -> Path:
     # NaN, so a missing number is null.
     properties = {name: {"type": ["number", "null"], "description": f"[{trace.units[name]}]"} for name in trace}
     row_schema = {"type": "object", "properties": properties}
+    # Each topic has a channel with a schema that describes its messages.
     writer = Writer(content)
     writer.start(profile="", library="rover_pin")
     topics = {"/trace": ("rover_pin.Trace", row_schema), "/tf": ("foxglove.FrameTransforms", TRANSFORMS)}
@@ -81,6 +82,7 @@ def _transforms(film: Film, frame: int, t: float) -> list[dict[str, Any]]:
     seconds = math.floor(t)
     stamp = {"sec": seconds, "nsec": round(NANO * (t - seconds))}
     transforms = []
+    # One transform for each link, from the world to the link.
     for name, (positions, quaternions) in film.links.items():
         w, x, y, z = map(float, quaternions[frame])
         translation = dict(zip("xyz", map(float, positions[frame]), strict=True))
@@ -109,6 +111,7 @@ def write_rerun(file: Path, subject: Subject) -> Path:
                 vertex_positions=shape.vertices, triangle_indices=shape.faces, albedo_factor=[*shape.colour, 1.0]
             )
             recording.log(f"rover/{shape.link}/{number}", mesh, static=True)
+        # At each frame the poses move the shapes, and the channels are drawn as curves.
         for frame, t in enumerate(film.t):
             recording.set_time("t_s", duration=float(t))
             for name, (positions, quaternions) in film.links.items():

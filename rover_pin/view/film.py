@@ -70,6 +70,7 @@ class Film:
                 "A trace with fewer than two rows cannot be shown: its attribute `stop` states why the drive ended."
             )
         trace.need("body_x", "body_y")
+        # A log without heights or attitudes is set on the ground.
         trace = on_the_ground(trace, rover, terrain)
         # Frames are evenly spaced in time, whatever the steps of the trace, with the first and the last row among them.
         t = trace.t
@@ -149,6 +150,7 @@ class Film:
         joints = sorted({joint for wheel in left_wheels for joint in model.supports[wheel] if joint > 1})
         gap = np.full((self.t.size, 1, 3), np.nan)
         parts = []
+        # A gap (NaN) after each piece keeps the pieces of the line apart.
         for joint in joints:
             ends = (self.links[names[index]][0][:, None] for index in (model.parents[joint], joint))
             parts += [*ends, gap]

@@ -43,6 +43,7 @@ def _lanes(terrain: Lanes, box: Extent) -> tuple[np.ndarray, np.ndarray]:
     """
     # The borders between lanes that lie within the rectangle, and its own two sides.
     edges = [box.y_low, *(y for y in terrain.borders if box.y_low < y < box.y_high), box.y_high]
+    # Each lane is a strip whose height does not change across it.
     quads, soils = [], []
     for low, high in zip(edges, edges[1:], strict=False):
         profile = terrain.profiles[int(terrain.lane(0.5 * (low + high)))]

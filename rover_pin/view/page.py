@@ -59,6 +59,7 @@ def page_of(subject: Subject, others: Sequence[tuple[Subject, str]] = ()) -> str
             stage.show(frame)
             recorder.insert_sleep(float(wait))
         page = recorder.as_html()
+    # The page gets the name of the drive as its title, and the panel with plots at its end.
     page = re.sub("<title>.*?</title>", lambda _: f"<title>{html_text(subject.name)}</title>", page, count=1)
     end = page.rindex("</body>")
     return str(page[:end] + panel_of(subject, others, film) + page[end:])

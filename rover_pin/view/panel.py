@@ -35,6 +35,7 @@ def events_of(film: Film) -> list[Event]:
     """
     outcome = drive_outcome(film.trace)
     events = []
+    # An outcome such as driving is no event.
     if outcome and outcome.kind not in NO_EVENT and math.isfinite(outcome.since):
         kind = outcome.sentence.partition(":")[0] if outcome.kind == "ended" else outcome.kind
         events.append(Event(outcome.since, kind))
@@ -84,6 +85,7 @@ def legend_of(subject: Subject, others: Sequence[tuple[Subject, str]], film: Fil
     lines = [f"<b>{html_text(subject.name)}</b>"]
     outcome = subject.trace.attrs.get("outcome") or subject.trace.attrs.get("stop")
     lines += [html_text(str(outcome))] if outcome else []
+    # The lines of the legend: the drive, its ghosts, and the meaning of colours and arrows.
     for ghost, word in others:
         lines.append(html_text(f"ghost, in {word}: {ghost.name}, {ghost.trace.attrs.get('outcome', '')}".rstrip(", ")))
     if film.slip is None:

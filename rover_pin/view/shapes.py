@@ -67,6 +67,7 @@ def shapes_of(rover: Rover, folder: Path | None = None) -> list[Shape]:
                 link_shapes.append(Shape(link.name, np.asarray(mesh.vertices), np.asarray(mesh.faces), colour))
         if link.name in rims:
             link_shapes = list(_wheel(link.name, rims[link.name], link_shapes, rover))
+        # A link without shapes is drawn as rods between its joints, so that the suspension is visible.
         shapes += link_shapes or list(_rods(rover, link.name))
     return shapes
 
@@ -98,6 +99,7 @@ def _triangles(geometry: Any, folder: Path | None, missing: set[str]) -> Any:
     if geometry.cylinder is not None:
         return trimesh.creation.cylinder(radius=geometry.cylinder.radius, height=geometry.cylinder.length, sections=32)
     file = None if folder is None else mesh_file(geometry.mesh.filename, folder)
+    # Each missing mesh is reported once.
     if file is None:
         if geometry.mesh.filename not in missing:
             log.warning(
@@ -144,11 +146,13 @@ def _wheel(link: str, mount: WheelMount, link_shapes: list[Shape], rover: Rover)
         cylinder = trimesh.creation.cylinder(radius=r, height=b, sections=48)
         cylinder.apply_transform(to_axle)
         link_shapes = [Shape(link, np.asarray(cylinder.vertices), np.asarray(cylinder.faces), PLAIN)]
+    # The largest shape is the rim, which gets the colour of the slip.
     rim, *others = sorted(link_shapes, key=lambda shape: -float(np.prod(np.ptp(shape.vertices, axis=0))))
     yield rim._replace(wheel=mount.name)
     if others:
         yield from others
         return
+    # A bar on a wheel without further shapes shows that the wheel turns.
     bar = trimesh.creation.box(extents=(1.8 * r, 0.16 * r, 1.04 * b))
     bar.apply_transform(to_axle)
     yield Shape(link, np.asarray(bar.vertices), np.asarray(bar.faces), (0.12, 0.12, 0.13))

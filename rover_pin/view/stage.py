@@ -55,6 +55,7 @@ class Stage:
         self.scene, self.film, self.ghosts = scene, film, tuple(ghosts)
         self.shown: dict[str, tuple[int, int, int]] = {}
         scene.set_up_direction("+z")
+        # All nodes lie below one node, which moves so that the rover stays in the middle of the view.
         self.world = scene.add_frame(WORLD, show_axes=False)
         self._add_ground(film)
         self.frames = self._add_frames(f"{WORLD}/rover", film)
@@ -81,6 +82,7 @@ class Stage:
         later than this frame.
         """
         self.world.position = -self.film.centres[frame].mean(axis=0)
+        # The links move with their nodes; a ghost shows its own frame of the same time.
         _place(self.frames, self.film, frame)
         for ghost, frames in zip(self.ghosts, self.ghost_frames, strict=True):
             _place(frames, ghost.film, ghost.film.frame_at(float(self.film.t[frame])))
@@ -151,6 +153,7 @@ class Stage:
         tracks = []
         for start, end in zip(ends, ends[1:], strict=False):
             for wheel in range(lifted.shape[1]):
+                # A piece of a track has one colour, the slip at its beginning.
                 points = lifted[start : end + 1, wheel]
                 segments = _page_points(np.stack([points[:-1], points[1:]], axis=1))
                 r, g, b = slip_colour(np.nan if film.slip is None else float(film.slip[start, wheel]))

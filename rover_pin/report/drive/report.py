@@ -47,6 +47,7 @@ def labels_of(verdict: Verdict) -> Labels:
     """
     extra, wheels = extra_of(verdict), [wheel.name for wheel in verdict.model.rover.wheels]
     evidence: tuple[str, ...] = ()
+    # The free runs are mentioned only if their distance falls noticeably.
     was, now = distances_of(extra.free) if verdict.named and extra.free else (0.0, 0.0)
     if now < (1.0 - MIN_MENTIONED) * was:
         before, after = pair(was, now, "m")
@@ -72,6 +73,7 @@ def write_report(verdict: Verdict, log: DriveLog, out: Path) -> list[Path]:
     labels, sides = labels_of(verdict), sides_of(verdict)
     scene = ghosts(verdict, log, sides)
     seconds = sum(float(trace.t[-1] - trace.t[0]) for trace in log.runs if len(trace.t))
+    # Only a drive log has sections on free runs and on residuals along the drive, and a 3D view.
     page = VerdictPage(
         labels,
         log.metadata.name,
@@ -104,6 +106,7 @@ def free_runs_section(verdict: Verdict) -> Section | None:
     free, added = extra_of(verdict).free, bool(verdict.named)
     if not free:
         return None
+    # One row for each run, and a row for all runs together if there are several.
     rows = [
         _free_row(free_run.run, f"{free_run.distance:.2f} m", free_run.before, free_run.after, added)
         for free_run in free

@@ -42,6 +42,7 @@ def residual_section(verdict: Verdict) -> Section | None:
         "channels": channel_table(residual),
         "draft": verdict.draft,
     }
+    # The curves are drawn only if they describe more than noise.
     pictures = {}
     if residual.terms and not residual.is_noise:
         alt = f"Estimated functions of the terms that describe the residual best: it {residual.best.description}."
@@ -118,6 +119,7 @@ def _curves(axis: Axes, term: Term) -> None:
     Angles are drawn in degrees.
     """
     curve, per_run = term.curve, term.argument.per_run
+    # Angles are shown in degrees.
     factor, unit = in_words(term.argument.unit) if term.argument.unit == "rad" else (1.0, term.argument.unit)
     rows = np.atleast_2d(curve.value)
     for number, (value, sd) in enumerate(zip(rows, np.atleast_2d(curve.sd), strict=True)):

@@ -94,6 +94,7 @@ def telling_channels(sides: Sides) -> list[int]:
         rms.append(rms_of(fit.residual, noise.good & ~np.isnan(fit.missed)) / noise.floor)
     size = np.abs(rms[0] - rms[1]) if sides.added else rms[0]
     chosen_rows: list[int] = []
+    # The channels with the largest size come first, but only a few of each kind.
     for row in np.argsort(size)[::-1]:
         kinds = [_kind(sides.experiment.channels[chosen_row]) for chosen_row in chosen_rows]
         chosen_rows += [int(row)] if kinds.count(_kind(sides.experiment.channels[row])) < MAX_OF_A_KIND else []
@@ -242,6 +243,7 @@ def effect_picture(sides: Sides) -> Picture | None:
     factor, unit = in_words(sides.experiment.unit(shown.channel), float(np.abs(shown.residual).max()))
     figure = Figure(figsize=(7.2, 3.0), layout="constrained")
     axis = figure.subplots()
+    # A pitch is shown in degrees.
     along = np.degrees(shown.along) if shown.signal == "pitch" else shown.along
     looks = LOOKS[: 1 + sides.added]
     for missed, sd, (colour, style, label) in zip(shown.residual, shown.sd, looks, strict=False):

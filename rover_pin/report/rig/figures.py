@@ -64,6 +64,7 @@ def _panel(data: RigSet, channel: RigChannel, drawn_models: Sequence[Look]) -> F
         # Only the first curve of a model gets an entry in the legend.
         for number, (slip, values, curve_label) in enumerate(_curves(look.model, data, channel)):
             axis.plot(slip, scale * values, look.line, color=look.colour, label=None if number else look.label)
+            # The label is at the last finite value of the curve.
             if curve_label and look is drawn_models[-1] and np.isfinite(values).any():
                 end = np.flatnonzero(np.isfinite(values))[-1]
                 axis.annotate(curve_label, (slip[end], scale * values[end]), fontsize=7.5, xytext=(3, 0),
@@ -176,6 +177,7 @@ def _residual_panel(
     # The band shows the noise of a single run; the bars show the noise of the mean of a level.
     noise = scale * float(np.sqrt(np.mean(channel.sd**2)))
     axis.axhspan(-noise, noise, color=GREY, alpha=0.2, lw=0, label="±1 SD of one run")
+    # Each model has a point for the mean residual of each level.
     _levels(axis, before, row, scale, (BEFORE, "o", "before", line))
     if after is not None:
         _levels(axis, after, row, scale, (AFTER, "s", "after", line))

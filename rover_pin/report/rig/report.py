@@ -40,6 +40,7 @@ def write_report(verdict: Verdict, experiment: RigExperiment, out: Path) -> list
 
     The page of several data sets shows all runs one after another, and the errors of each data set.
     """
+    # A joint fit of several sets gets a picture of all points, and a section with the errors of each set.
     if len(experiment.sets) > 1:
         count = int(np.isfinite(experiment.observed).any(axis=1).sum())
         kicker = f"{len(experiment.sets)} sets in one sand: {count} runs at {len(experiment.folds)} levels of slip"
@@ -92,6 +93,7 @@ def _picture(verdict: Verdict, data: RigSet) -> Picture:
         before, after = score.times(score.before) ** 2, score.times(score.after) ** 2
         return before - after if before != after else before
 
+    # The channel that gains most is shown first.
     score = max((score for score in verdict.scores if score.name in names), key=chi2_decrease)
     row = names.index(score.name)
     residuals = residual_panels(data, verdict.extra.before, verdict.extra.after if verdict.named else None)
@@ -111,6 +113,7 @@ def where_wrong_section(verdict: Verdict, data: RigSet) -> Section | None:
     sides, added = verdict.extra, bool(verdict.named)
     if not isinstance(sides, RigExtra):
         return None
+    # The residuals are described in words, in tests and in pictures.
     lines = [f"Before, {residual.sentence}." for residual in sides.before.residuals]
     lines += [f"After, {residual.sentence}." for residual in sides.after.residuals] if added else []
     tests = test_table(sides, added)
@@ -204,5 +207,6 @@ def meanings(data: RigSet) -> dict[str, str]:
         parts += [f"{math.degrees(float(np.mean(data.slip_angle[is_in_level]))):.3g} deg"] if angled else []
         parts += [f"{float(np.mean(data.load[is_in_level])):.3g} N"] if loaded else []
         descriptions[name] = ", ".join(parts)
+    # Levels with equal descriptions are distinguished by their names.
     twice = {words for words, times in Counter(descriptions.values()).items() if times > 1}
     return {name: f"{words} ({name})" if words in twice else words for name, words in descriptions.items()}

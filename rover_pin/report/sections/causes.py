@@ -148,6 +148,7 @@ def sensitivity_section(verdict: Verdict, labels: Labels) -> Section | None:
     if not results:
         return None
     kinds, undetectable, detectable = kinds_of(verdict), [], []
+    # Causes that these data can hardly show are listed apart, with the reason.
     for best, places in results.values():
         name = full(best.name, kinds, labels) + (f", best of {places} places" if places > 1 else "")
         if best.why:
@@ -187,6 +188,7 @@ def _sensitivity(beliefs: Beliefs, name: str) -> Sensitivity | None:
     """
     if name in beliefs.untried:
         return Sensitivity(name, math.inf, "none", NO_FIT)
+    # The size comes from the most probable hypothesis that contains the cause.
     rows = zip(beliefs.scores, beliefs.hypotheses, strict=True)
     _, hypothesis = max((row for row in rows if name in row[1].names), key=lambda row: row[0])
     cause = next(cause for cause in hypothesis.causes if cause.name == name)

@@ -83,6 +83,7 @@ def baseline_table(verdict: Verdict, labels: Labels) -> Table | None:
     """
     scores = {score.name: score for score in verdict.scores}
     rows = []
+    # A curve is compared only on channels that the model predicts.
     for baseline in verdict.baselines:
         if baseline.channel in scores:
             score, curve = scores[baseline.channel], f"{baseline.curve} of {baseline.given}"
@@ -118,6 +119,7 @@ def channel_table(scores: Sequence[ChannelScore], added: bool, labels: Labels) -
             format_value(score.floor, score.unit),
             score.times(score.before),
         )
+        # Without added effects there is a single error for each channel.
         if added:
             errors = format_value(score.before, score.unit), format_value(score.after, score.unit)
             ratios = f"{figure(times, '.1f')} to {figure(score.times(score.after), '.1f')}"
@@ -142,6 +144,7 @@ def heldout_panel(scores: Sequence[ChannelScore], added: bool, labels: Labels) -
     # The line at 1 marks an error as large as the noise.
     axis.axvline(1, color="k", lw=0.8)
     axis.plot(before, places, "o", color=BEFORE, ms=5, label="base model")
+    # An open square marks a change that the report does not claim.
     if added:
         changed = np.array([score.worded.outcome in (Outcome.BETTER, Outcome.WORSE) for score in ranked], dtype=bool)
         axis.hlines(places[changed], before[changed], after[changed], color=GREY, lw=1, zorder=1)

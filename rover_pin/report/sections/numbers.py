@@ -41,6 +41,7 @@ def number_table(verdict: Verdict) -> Table:
         "note",
     )  # fmt: skip
     partners = most_correlated(verdict.after.fit)
+    # Surprising numbers come first: far from their priors, then new in the model.
     ranked = sorted(
         verdict.after.numbers,
         key=lambda number: (

@@ -60,6 +60,7 @@ def _numbers(effect: Any, owner: str, side: Side) -> Table:
     fitted = {number.name: number for number in side.numbers}
     rows = []
     for name, quantity in quantities(effect).items():
+        # A parameter that was not fitted is shown with its value, marked as held.
         default, number = float(getattr(type(effect)(), name)), fitted.get(f"{owner}.{name}")
         held_value = f"{format_value(float(getattr(effect, name)), quantity.unit)}, held"
         bounds = f"{format_value(quantity.low, quantity.unit)} to {format_value(quantity.high, quantity.unit)}"

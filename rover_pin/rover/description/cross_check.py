@@ -100,6 +100,7 @@ def _differences(tree: UrdfTree, model: pin.Model, reference: Any, angles: Mappi
     """Yield a fault for each link that Pinocchio (`model`) and yourdfpy (`reference`) place differently at the joint
     `angles` [rad].
     """
+    # Both libraries get the same joint angles.
     data, v = model.createData(), np.zeros(model.nv)
     for name, angle in angles.items():
         v[model.joints[model.getJointId(name)].idx_v] = angle
@@ -110,6 +111,7 @@ def _differences(tree: UrdfTree, model: pin.Model, reference: Any, angles: Mappi
     placements = {tree.roots[0]: np.eye(4)}
     for joint in tree.outwards():
         placements[joint.child] = placements[joint.parent] @ reference.get_transform(joint.child, joint.parent)
+    # A joint that does not move keeps its place, so only moving joints can differ.
     for joint in (moving_joint for moving_joint in tree.joints if moving_joint.moves):
         ours = data.oMi[model.getJointId(joint.name)].homogeneous
         distance = float(np.max(np.abs(placements[joint.child] - ours)))

@@ -63,6 +63,7 @@ def axis_against_drawing(tree: UrdfTree, wheels: Iterable[str]) -> Iterator[str]
     `<axis>`.
     """
     for name in wheels:
+        # `structure_faults` reports a joint whose axis has length 0.
         joint = tree.joint(name)
         if joint is None or not np.any(joint.axis):
             continue
@@ -70,6 +71,7 @@ def axis_against_drawing(tree: UrdfTree, wheels: Iterable[str]) -> Iterator[str]
         if across and not agreeing:
             yield _fault(joint, f"the cylinder of r = {across[0].radius:.3g} m", across[0].link, across[0].direction)
         elif not across and not agreeing and not joint.axis_written and not _shapes_of(tree, joint):
+            # Without a drawing, the inertia of a disc shows the axis, unless the URDF states the axis itself.
             body = next((link.body for link in tree.links if link.name == joint.child), None)
             spin = None if body is None else disc_axis(body)
             if spin is not None and abs(spin @ _unit(joint.axis)) < ALONG:
@@ -85,6 +87,7 @@ def visual_against_collision(tree: UrdfTree, wheels: Iterable[str]) -> Iterator[
         if joint is None or not np.any(joint.axis):
             continue
         agreeing, across = _drawings(tree, joint)
+        # The two drawings contradict each other only if one of them agrees with the axis.
         if across and agreeing:
             yield (
                 f"link '{across[0].link}' draws its wheel twice: the <{agreeing[0]}> turns about the axis of joint "
@@ -107,6 +110,7 @@ def _drawings(tree: UrdfTree, joint: Joint) -> tuple[list[str], list[Cylinder]]:
     """
     agreeing, across = [], []
     for drawn in ("visual", "collision"):
+        # The largest cylinders are the rim; a hub may be a cylinder across it.
         cylinders = sorted(_cylinders(tree, joint, drawn), key=lambda cylinder: -cylinder.radius)
         others = {shape.kind for shape in _shapes_of(tree, joint) if shape.drawn == drawn} - {"cylinder", "box"}
         if not cylinders or others:
@@ -126,6 +130,7 @@ def _cylinders(tree: UrdfTree, joint: Joint, drawn: str) -> Iterator[Cylinder]:
     links, places = {link.name: link for link in tree.links}, tree.placements
     if joint.child not in places:
         return
+    # Shapes of all links that are fixed to the wheel's link count, seen from the joint.
     to_joint = np.linalg.inv(places[joint.child])
     for name in tree.rigid_group(joint.child):
         for shape in links[name].shapes if name in links and name in places else ():

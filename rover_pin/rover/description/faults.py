@@ -140,6 +140,7 @@ def _joint_faults(tree: UrdfTree, joint: Joint) -> Iterator[str]:
     """Yield the faults of one joint: names of links that do not exist, a type that a rover may not have, and errors in
     axis, stops and `<mimic>`.
     """
+    # The type of the joint comes first, because its other faults depend on the type.
     yield from missing_links(tree, joint)
     if joint.kind in ("floating", "planar"):
         yield (
@@ -162,6 +163,7 @@ def _joint_faults(tree: UrdfTree, joint: Joint) -> Iterator[str]:
     furthest = max((abs(limit) for limit in joint.limits if abs(limit) < UNLIMITED), default=0.0)
     if furthest > MAX_STOP:
         yield f"joint '{joint.name}' has a limit of {furthest:g} rad; give radians, not degrees."
+    # A <mimic> must name an existing joint.
     others = [tree_joint.name for tree_joint in tree.joints]
     if joint.mimic is not None and joint.mimic.joint not in others:
         hint = closest(joint.mimic.joint, others)
@@ -175,6 +177,7 @@ def role_faults(layout: Layout, tree: UrdfTree) -> Iterator[str]:
     """Yield the faults in the roles that a rover's TOML gives to the joints of the URDF, for example a wheel's joint
     that does not exist, a joint of a wrong type, or a moving joint without a role.
     """
+    # The base must be the root of the tree, because the free base of the simulation is added at the root.
     if layout.base not in tree.rigid_group(tree.roots[0]):
         yield (
             f"the TOML's base '{layout.base}' is not the root link of the URDF or fixed to it; write "
@@ -215,6 +218,7 @@ def _mimic_faults(layout: Layout, tree: UrdfTree) -> Iterator[str]:
     """Yield a fault for each `<mimic>` of the URDF that contradicts the TOML, or that the equation of motion cannot
     represent.
     """
+    # Each <mimic> is compared with the TOML: it may describe the differential, a pair, or a coupling.
     differential, sides = set(layout.differential or ()), [set(pair) for pair in layout.suspension.values()]
     for joint in tree.joints:
         if joint.mimic is None or not joint.moves:
@@ -260,6 +264,7 @@ def _coupling_faults(joint: Joint, layout: Layout) -> Iterator[str]:
                     f"joint '{name}' mimics '{leader}'; name '{joint_name}' in the TOML's [suspension], because only "
                     "pivots follow pivots."
                 )
+    # A constant offset has no place in the equation of motion, and a ratio of 0 would hold the joint.
     if joint.mimic.offset != 0.0 or ratio == 0.0:
         yield (
             f"joint '{name}' mimics with multiplier {ratio:g} and offset {joint.mimic.offset:g}; a "
@@ -286,6 +291,7 @@ def axis_faults(layout: Layout, model: pin.Model, axes: np.ndarray) -> Iterator[
     wanted = [(joint, "wheel", 1) for joint in layout.wheel_joints]
     wanted += [(joint, "rocker of the differential", 1) for joint in layout.differential or ()]
     wanted += [(joint, "steering", 2) for axle in layout.axles for joint in axle.steering if joint is not None]
+    # The signs of rates and angles follow from the axes, so that each axis must point in its direction.
     for joint, role, direction in wanted:
         axis = axes[model.joints[model.getJointId(joint)].idx_v]
         if axis[direction] < ALONG:
@@ -316,6 +322,7 @@ def axis_faults(layout: Layout, model: pin.Model, axes: np.ndarray) -> Iterator[
             "base link's z points down, write base_rpy = [3.14159265, 0, 0] in the TOML; if its x points back, write "
             "base_rpy = [0, 0, 3.14159265]."
         )
+    # The TOML must list the axles from front to rear.
     middles = [(centres[axle.wheels[0]][0] + centres[axle.wheels[1]][0]) / 2.0 for axle in layout.axles]
     for front, rear, x_front, x_rear in zip(layout.axles, layout.axles[1:], middles, middles[1:], strict=False):
         if x_front <= x_rear:

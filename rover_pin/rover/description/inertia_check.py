@@ -31,6 +31,7 @@ def inertia_faults(tree: UrdfTree) -> Iterator[str]:
     mass.
     """
     by_name = {link.name: link for link in tree.links}
+    # A URDF without any mass is a drawing; one sentence is clearer than one for each link.
     if not any(link.body is not None and link.body.mass != 0.0 for link in tree.links):
         yield (
             f"none of its {len(tree.links)} links has a mass, so that the URDF is only a drawing; give every moving "
@@ -68,6 +69,7 @@ def small_parts(tree: UrdfTree) -> set[str]:
     """
     bodies = {link.name: link.body for link in tree.links if link.body is not None}
     places, small_links = tree.placements, set()
+    # The links of a rigid body are compared with the body as a whole.
     for start in _starts(tree):
         group = [name for name in tree.rigid_group(start) if name in bodies and name in places]
         if not group or any(bodies[name].mass < 0.0 for name in group):
@@ -137,6 +139,7 @@ def unit_faults(tree: UrdfTree, across: float) -> Iterator[str]:
     across : float
         Distance across all joints at zero angles [m].
     """
+    # Lengths come first, because the limits of masses and inertias are relative to them.
     low, high = SPAN_LIMITS
     if not low <= across <= high:
         hint = "divide lengths by 1000 if they are millimetres" if across > high else "are its joints' origins missing?"
@@ -145,6 +148,7 @@ def unit_faults(tree: UrdfTree, across: float) -> Iterator[str]:
             "must be in metres."
         )
         return
+    # The density of the rover shows wrong units of mass.
     mass = sum(link.body.mass for link in tree.links if link.body is not None)
     density, (low, high) = mass / across**3, DENSITIES
     if not low <= density <= high:

@@ -212,6 +212,7 @@ def _held_value(joint: Joint | None, entry: Any, file: str) -> float:
     Raises UrdfError: the entry is not a number of the right unit, or the number lies beyond the joint's stops.
     """
     assert joint is not None
+    # The entry is a number in the joint's SI unit, or a table with a unit.
     unit, where = "m" if joint.kind == "prismatic" else "rad", f"{file}: held joint '{joint.name}'"
     try:
         if isinstance(entry, Mapping):
@@ -219,6 +220,7 @@ def _held_value(joint: Joint | None, entry: Any, file: str) -> float:
         value = to_si(*value_and_unit(entry, unit), unit, where)
     except ParameterError as error:
         raise UrdfError(str(error)) from error
+    # A held joint must be at an angle that the real joint can have.
     low, high = joint.limits
     if joint.limited and joint.kind != "continuous" and not low - 1e-6 <= value <= high + 1e-6:
         raise UrdfError(f"{where} = {value:g} {unit} is beyond its stops; hold it within [{low:g}, {high:g}] {unit}.")
@@ -238,6 +240,7 @@ def _fix(element: ET.Element, joint: Joint, value: float) -> None:
         motion[:3, :3] = pin.AngleAxis(value, axis).toRotationMatrix()
     _set_origin(element, joint.origin @ motion)
     element.set("type", "fixed")
+    # A fixed joint has no limits, no axis and no <mimic>.
     for tag in MOTION_ELEMENTS:
         for part in element.findall(tag):
             element.remove(part)
@@ -280,6 +283,7 @@ def _add_base_frame(robot: _Robot, forms: JointForms) -> Iterator[str]:
     The position and attitude of a drive are the position and attitude of the root link. The TOML may name another link
     as the base that is fixed to the root link, and may turn the base's axes by base_rpy.
     """
+    # Without a single root link there is no tree, and without a turned base nothing needs to change.
     tree = robot.tree
     if len(tree.roots) != 1 or forms.base not in tree.rigid_group(tree.roots[0]):
         return  # `role_faults` reports this
@@ -340,6 +344,7 @@ def _reverse(robot: _Robot, name: str) -> None:
     axis = ET.SubElement(joint, "axis", xyz="1 0 0") if axis is None else axis
     # 0.0 - x instead of -x, because a negative zero would be written as "-0.0".
     axis.set("xyz", " ".join(repr(0.0 - float(number)) for number in str(axis.get("xyz")).split()))
+    # With the axis reversed, the lower stop becomes the upper stop with the opposite sign, and vice versa.
     limit = joint.find("limit")
     if limit is not None:
         low, high = (float(limit.get(end, "0")) for end in ("lower", "upper"))
@@ -369,6 +374,7 @@ def _follow_one_leader(
 
     Raises UrdfError: joints follow each other in a ring, or a joint would have to turn by two ratios at once.
     """
+    # Only moving joints with a nonzero ratio make a relation; the differential is a relation of its own.
     relations, has_offset = [], False
     for name, joint in joints.items():
         mimic = joint.find("mimic")
@@ -406,6 +412,7 @@ def _leaders(relations: list[Relation], differential: tuple[str, str] | None, fi
 
     Raises UrdfError: all joints of a group follow another joint, so that they form a ring.
     """
+    # A joint that follows no other joint leads its group; the left rocker leads the group of the differential.
     followers = {relation.joint for relation in relations}
     first = [] if differential is None else [differential[0]]
     free = dict.fromkeys(relation.leader for relation in relations if relation.leader not in followers)
@@ -415,6 +422,7 @@ def _leaders(relations: list[Relation], differential: tuple[str, str] | None, fi
         if leader not in reached:
             leaders.append(leader)
             reached |= set(_ratios(leader, relations, file))
+    # Joints that no leader reaches follow each other in a ring.
     if lost := sorted({name for relation in relations for name in relation[:2]} - reached):
         raise UrdfError(
             f"{file}: joint '{lost[0]}' follows itself in a ring of <mimic>: let one joint of the ring lead."

@@ -182,6 +182,7 @@ def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
     if path.suffix == ".urdf":
         raise UrdfError(f"{where}: give the .toml that states which joints are wheels, not the URDF itself.")
     table = _table(path)
+    # Unknown and missing keys are reported first, because later messages name single entries.
     for key in table:
         if key not in KEYS:
             raise UrdfError(f"{where}: unknown key '{key}': {closest(key, KEYS)}")
@@ -207,6 +208,7 @@ def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
     forms = read_forms(table, where, axles, suspension, differential)
     named = {*forms.wheels, *forms.steering, *(joint for joints in suspension.values() for joint in joints)}
 
+    # The URDF lies next to the TOML, and is rewritten into the form that the equation of motion needs.
     urdf = _urdf(path, table["urdf"], trust)
     if not is_file(urdf):
         raise UrdfError(f"{where}: there is no file '{urdf.name}' next to the TOML; correct 'urdf'.")
@@ -277,6 +279,7 @@ def _table(path: Path) -> dict[str, Any]:
 def _axles(table: Mapping[str, Any], where: str) -> tuple[Axle, ...]:
     """Return the axles of a rover from the tables [wheels], [steering] and [wheel] of its TOML."""
     wheels, steering = part_of(table, "wheels", where), part_of(table, "steering", where)
+    # A rover has two axles or more, whose names give the short names of the wheels.
     if len(wheels) < 2:
         raise UrdfError(f"{where}: [wheels] names {len(wheels)} axles; a rover needs two or more, from front to rear.")
     if "" in wheels:
@@ -299,6 +302,7 @@ def _axles(table: Mapping[str, Any], where: str) -> tuple[Axle, ...]:
     for name in steering:
         if name not in wheels:
             raise UrdfError(f"{where}: [steering] has no axle '{name}' to steer: {closest(name, wheels)}")
+    # Each axle has a wheel on the left and a wheel on the right, in this order.
     axles = []
     for name, joints in wheels.items():
         single = [joints] if isinstance(joints, str) else joints
@@ -414,6 +418,7 @@ def read_springs(table: Mapping[str, Any], where: str) -> tuple[SpringDamper, ..
     Raises UrdfError: an entry does not describe a spring, or the table [suspension] does not have its name.
     """
     suspension = part_of(table, "suspension", where)
+    # A spring acts on a pair of the suspension, or on one joint of it.
     names = [*suspension, *(f"{name}_{side}" for name in suspension for side in "lr")]
     springs = []
     for name, entry in part_of(table, "springs", where).items():
@@ -443,6 +448,7 @@ def read_motor(table: Mapping[str, Any], where: str) -> MotorSheet | str | None:
 
     Raises UrdfError: a number is out of bounds, or the stall torque or no-load speed is missing.
     """
+    # The motor is missing, a name of a ready-made motor, or a table with the numbers of a data sheet.
     if "motor" not in table:
         return None
     if isinstance(table["motor"], str):

@@ -126,6 +126,7 @@ def read_mesh(file: Path, scale: Any) -> tuple[np.ndarray, np.ndarray]:
                     "triangles: export a simpler mesh."
                 )
             loaded = loaded.to_mesh()
+        # The scale of the URDF converts the numbers of the file to metres.
         return np.asarray(loaded.vertices, dtype=float) * np.asarray(scale), np.asarray(loaded.faces)
     except DataError:
         raise

@@ -166,6 +166,7 @@ class UrdfTree:
         the rover.
         """
         chain: list[Joint] = []
+        # The chain goes down from the root while each link has one joint, no mass, and the name of a world.
         link = self.roots[0] if self.roots else ""
         while True:
             below = [joint for joint in self.joints if joint.parent == link]
@@ -273,8 +274,10 @@ def read_tree(text: str, file: str) -> UrdfTree:
     if root.tag != "robot":
         hint = " expand it with xacro first." if "xacro" in text[:2000] else " a URDF begins with <robot>."
         raise UrdfError(f"{file}: its outermost element is <{root.tag}>, not <robot>:{hint}")
+    # Macros must be expanded first, because their text is no URDF.
     if any("xacro" in element.tag for element in root.iter()):
         raise UrdfError(f"{file}: it has xacro macros; expand it first: `xacro rover.xacro > rover.urdf`.")
+    # The numbers of links and joints are limited before the elements are read.
     for part in ("link", "joint"):
         if (count := len(root.findall(part))) > MAX_LINKS:
             raise UrdfError(f"{file}: it has {count} {part}s, and {MAX_LINKS} is the maximum: merge fixed links.")
@@ -313,6 +316,7 @@ def _body(inertial: ET.Element, where: str) -> Body:
     mass, inertia = (_single(inertial, tag, where) for tag in ("mass", "inertia"))
     if mass is None or inertia is None:
         raise UrdfError(f"{where}: its <inertial> needs both <mass value='...'/> and <inertia ixx='...' .../>.")
+    # The six numbers of the URDF are the upper half of a symmetric matrix.
     entries = {key: _number(inertia.get(key, "missing"), f"{where}: inertia {key}") for key in INERTIA}
     xx, xy, xz, yy, yz, zz = (entries[key] for key in INERTIA)
     matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

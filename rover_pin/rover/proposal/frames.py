@@ -69,6 +69,7 @@ def _base_rpy() -> dict[Frame, Rpy]:
     turns = (0.0, -quarter, quarter, 2 * quarter)
     angles = itertools.product((0.0, 2 * quarter, quarter, -quarter), (0.0, quarter, -quarter), turns)
     by_frame: dict[Frame, Rpy] = {}
+    # Simple turns come first, so that each frame keeps the turn with the fewest angles.
     for rpy in sorted(angles, key=lambda rpy: sum(angle != 0.0 for angle in rpy)):
         rows = rotation(rpy)
         forward, up = (next(name for name, axis in AXES.items() if rows[i] @ axis > 0.9) for i in (0, 2))
@@ -153,6 +154,7 @@ def _place(tokens: Iterable[str], single: set[str]) -> NamedPlace:
     """
     end: int | None = None
     side: str | None = None
+    # A word states both end and side, or one of them; single letters count only if all names together explain them.
     for token in tokens:
         if token in LETTERS:
             end, side = LETTERS[token]
@@ -186,6 +188,7 @@ def contradictions(places: Sequence[NamedPlace], centres: np.ndarray) -> list[in
             wrong.add(i)
         if place.end is None:
             continue
+        # If only front wheels or only rear wheels are named, the other wheels must lie on the other side of the middle.
         alone = len(ends) == 1 and any(other.end is None for other in places)
         if alone and ((place.end == 2 and x[i] <= 0.0) or (place.end == 0 and x[i] >= 0.0)):
             wrong.add(i)

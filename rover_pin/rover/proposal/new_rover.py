@@ -84,6 +84,7 @@ def new_rover(
     >>> result.report.ok  # doctest: +SKIP
     True
     """
+    # All names and numbers are checked before a file is written.
     source = Path(urdf)
     if not is_file(source):
         raise UrdfError(f"{source}: there is no such file. Give the .urdf or .xacro file of a rover.")
@@ -109,6 +110,7 @@ def new_rover(
             raise UrdfError(f"{beside}: the file exists already. Give another folder with --out.")
         files.append(replace_file(beside, content))
     files.append(replace_file(toml, proposed_text(proposal, stem, beside.name)))
+    # The proposal is checked as a user's TOML would be, so that its faults are reported with it.
     report = check_urdf(toml)
     # A rover that does not load cannot be drawn.
     if report.loads:

@@ -96,6 +96,7 @@ class Topology:
         self.cut = tuple(joint.name for joint in tree.joints if first[joint.child] != joint.name)
         self.joints = {joint.name: joint for joint in tree.joints if joint.name not in self.cut}
         self.above = {joint.child: joint for joint in self.joints.values()}
+        # The base lies below the world links that a simulator needs, and all places are measured from it.
         world = tree.world_joints or [j for j in tree.joints if j.kind == "floating" and j.parent in tree.roots][:1]
         self.base = world[-1].child if world else (tree.roots or [""])[0]
         self.dropped = {joint.name for joint in world}

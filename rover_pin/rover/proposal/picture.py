@@ -52,6 +52,7 @@ def place_names(axes: Sequence[Axes], names: Sequence[Sequence[Name]]) -> None:
     assert figure is not None
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
+    # Names avoid all points, and all names that were written before them.
     for panel, panel_names in zip(axes, names, strict=True):
         points = panel.transData.transform([name.at for name in panel_names])
         taken = [Bbox.from_extents(*(point - GAP), *(point + GAP)) for point in points]

@@ -181,6 +181,7 @@ def _front(view: Topology, options: list[Option], front: str) -> tuple[Option, s
     forward.
     """
     first = options[0]
+    # The user's statement decides; otherwise the names of the wheels decide between the two ends.
     if front:
         return first, f"{front} of link '{view.base}' points forward, as --front states."
     names = {wheel.joint: view.joints[wheel.joint].child for axle in first.axles for wheel in axle.wheels}
@@ -190,6 +191,7 @@ def _front(view: Topology, options: list[Option], front: str) -> tuple[Option, s
             f"No wheel's name states the front: {first.frame.forward} of link '{view.base}' is taken as forward. "
             "--front=-x takes the other end."
         )
+    # A choice of axes is accepted if no wheel's name contradicts its position.
     wrong = {option.frame: _wrong_names(option, list(names), places) for option in options}
     for option in options:
         # Names alone do not turn a rover upside down: the centre of mass must lie below the wheels' centres as well.
@@ -327,6 +329,7 @@ def _pairs(wheels: list[GuessedWheel]) -> list[tuple[GuessedWheel, GuessedWheel]
 
     If a wheel has several possible partners, the nearest one is taken.
     """
+    # The nearest pairs are taken first, and each wheel belongs to one pair.
     options = [
         (float(np.hypot(*(a.centre - b.centre)[[0, 2]])), i, k)
         for i, a in enumerate(wheels)

@@ -134,6 +134,7 @@ def _other_half(view: Topology, proposal: Proposal, joint: Joint, wheels: list[s
     if joint.kind not in ("revolute", "continuous") or len(view.below(joint.name, wheels)) != 1:
         return False
     rpy, r = proposal.base_rpy, proposal.wheels[0].size.r
+    # The pin of a pivot and the joint must lie on one line for two halves of one rocker.
     for pivot in (name for joints in proposal.suspension.values() if len(joints) == 2 for name in joints):
         partner = view.joints[pivot]
         distance = float(np.linalg.norm(view.centre(partner, rpy) - view.centre(joint, rpy)))
@@ -153,6 +154,7 @@ def _find_differential(view: Topology, proposal: Proposal, sides: tuple[set[str]
     """
     wheels = [*sides[0], *sides[1]]
     word = "bogie"
+    # The halves of a rocker carry their wheels together.
     for name, joints in list(proposal.suspension.items()):
         carried = []
         for joint in joints:

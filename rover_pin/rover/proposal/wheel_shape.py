@@ -121,6 +121,7 @@ def _of_inertia(link: Link, axis: np.ndarray) -> WheelSize | None:
     if link.body is None or not link.body.mass > 0.0:
         return None
     unit = link.body.axes.T @ (axis / np.linalg.norm(axis))
+    # A solid cylinder has the axial moment m r^2 / 2, and the moment m (3 r^2 + b^2) / 12 across its axis.
     axial = float(unit @ link.body.inertia @ unit)
     across = (float(np.trace(link.body.inertia)) - axial) / 2.0
     if not axial > 0.0:
