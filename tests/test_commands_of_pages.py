@@ -35,11 +35,14 @@ DITCH = "rover-pin drive ditch --set duration=30 --open"
 NEW = "rover-pin new-rover my_rover.urdf"
 INIT = "rover-pin init mine.csv --r 45mm --b 50mm --noise drawbar_pull=0.5N --noise sinkage=0.5mm"
 IMPORT = "rover-pin import-log steepening-slope/climb-1.csv steepening-slope/flat-steps.csv --out imported"
+SAVE = "rover-pin drive ditch --soil table-1 --set duration=5 --save my-drive.toml"
 OTHER = (DITCH, "rover-pin drive ditch --out other")
 NEEDS = {
     "rover-pin check-data imported": (IMPORT,),
     "rover-pin check-urdf my_rover.toml": (NEW,),
     "rover-pin drive flat --set rover=my_rover.toml": (NEW,),
+    "rover-pin drive my-drive.toml --set terrain.wall_angle=40deg": (SAVE,),
+    "rover-pin view my-drive.toml": (SAVE,),
     "rover-pin check-data mine": (INIT,),
     "rover-pin close-loop mine": (INIT,),
     "rover-pin export out/drive/log --to mcap": (DITCH,),

@@ -12,7 +12,7 @@ from rover_pin.base.console import say, warn
 from rover_pin.base.encode import shell_line
 from rover_pin.base.errors import NO_ROOM, RoverPinError, one_line
 from rover_pin.base.files.paths import is_file
-from rover_pin.base.files.results_folder import alone_in
+from rover_pin.base.files.results_folder import alone_in, say_what_is_replaced
 from rover_pin.base.jobs.safe_environment import leave_folder_out
 from rover_pin.base.trust import Trust
 from rover_pin.cli import commands
@@ -91,7 +91,11 @@ def main() -> None:
 @app.command()
 def drive(
     scenario: Annotated[
-        str, typer.Argument(autocompletion=scenario_names, help="ditch, flat ...: rover-pin list scenarios.")
+        str,
+        typer.Argument(
+            autocompletion=scenario_names,
+            help="ditch, flat ... (rover-pin list scenarios), or a drive's TOML file, as --save writes it.",
+        ),
     ],
     rover: RoverName = "",
     control: Control = "",
@@ -100,6 +104,9 @@ def drive(
     model: ModelFile = None,
     add: Add = [],  # noqa: B006 - typer wants a list
     set_: Set = [],  # noqa: B006
+    save: Annotated[
+        Path | None, typer.Option("--save", help="Write the drive's settings to this TOML file, to drive it again.")
+    ] = None,
     view: Annotated[bool, typer.Option("--view", help="Write view.html, the drive in 3D.")] = False,
     gif: Gif = False,
     mp4: Mp4 = False,
@@ -122,12 +129,16 @@ def drive(
     settings["trust"] = Trust.of([file for file in (effects, own) if file], trust)
     views = requested_files(view or open_, gif, mp4)
     if model is not None and model.is_dir():
-        # Pages and films show a single drive, so they are refused before the models are driven.
-        refuse_of_one_model(views, model)
+        # Pages, films and drive files hold a single drive, so they are refused before the models are driven.
+        refuse_of_one_model([*views, *([str(save)] if save else [])], model)
         with stoppable(out, ("bands.csv", "bands.png")), alone_in(out):
             report(bands(scenario, model, settings, out), as_json)
         return
     chosen = ready(scenario, **settings)
+    if save is not None:
+        # Saved before the drive, so that a drive that fails can be repeated too.
+        say_what_is_replaced(save.parent, (save.name,))
+        chosen.save(save)
     # Views of an earlier drive would otherwise be taken for views of this one.
     untouched = [name for name in SEEN if name not in views]
     with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *views), untouched), alone_in(out):

@@ -113,6 +113,7 @@ def _settings(ctx: typer.Context) -> "list[Setting]":
     """Return the settings that exist for the command line that the user has typed so far."""
     from rover_pin.cli.terminal import assignments
     from rover_pin.scenarios import catalogue
+    from rover_pin.scenarios.drive_file import is_drive_file
     from rover_pin.scenarios.scenes import SCENES
 
     options = {
@@ -126,7 +127,7 @@ def _settings(ctx: typer.Context) -> "list[Setting]":
         return [*soil, *(setting._replace(name=setting.name.removeprefix(SOIL)) for setting in soil)]
     # While an option's value is typed, the words before it are not parsed yet: they are still in args.
     words = (ctx.params.get("scenario"), ctx.params.get("name"), *ctx.args)
-    scenario = next((word for word in words if word in SCENES), "ditch")
+    scenario = next((word for word in words if word and (word in SCENES or is_drive_file(word))), "ditch")
     return catalogue.settings(scenario, **overrides)
 
 

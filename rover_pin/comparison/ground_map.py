@@ -21,6 +21,7 @@ from rover_pin.control.motion.servo import cruise_speed
 from rover_pin.plot.ground_map import map_figure
 from rover_pin.plot.sheet import save, write_csv
 from rover_pin.rover.wheel_base import base_of, corners
+from rover_pin.scenarios.drive_file import with_drive_file
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation.outcome.outcome import drive_outcome, wheel_paths
 from rover_pin.simulation.start import Start
@@ -86,8 +87,9 @@ def ground_map(
     Parameters
     ----------
     name, settings
-        Scenario and settings as for `scenario`; values are numbers or words. The side force is `combined` unless the
-        settings name another law, because a rover across a slope also slides sideways.
+        Scenario or drive file, and settings, as for `scenario`; values are numbers or words. The duration in a drive
+        file does not count. The side force is `combined` unless the settings name another law, because a rover across a
+        slope also slides sideways.
     models : sequence of path
         Files of equally probable models; if empty, the model of the settings is used.
     out : path
@@ -118,6 +120,9 @@ def ground_map(
     >>> from rover_pin.comparison.ground_map import MapSettings, ground_map
     >>> table, summary = ground_map("hills", {}, [], Path("out/map"), MapSettings(headings=4))  # doctest: +SKIP
     """
+    # The duration of a drive file is that of its own drive, not of the short drives of a map.
+    name, of_file = with_drive_file(name, settings, trust)
+    settings = {key: value for key, value in of_file.items() if key != "duration" or "duration" in settings}
     settings = settings if models else {"side": "combined", **settings}
     axes = {"model": Values([str(file) for file in models])} if models else {}
     first = scenario(name, **settings, **{axis: values.values[0] for axis, values in axes.items()}, trust=trust)

@@ -9,12 +9,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rover_pin.base.arguments import spec
-from rover_pin.base.errors import ParameterError, UnknownNameError, UrdfError, closest
+from rover_pin.base.errors import DataError, ParameterError, UnknownNameError, UrdfError, closest
 from rover_pin.base.files.paths import is_file, named_from
 from rover_pin.base.files.toml_file import read_toml
 from rover_pin.base.public import SHORT, brief, public
@@ -33,6 +33,7 @@ from rover_pin.parameters.gravity import GRAVITIES, gravity_named
 from rover_pin.rover.rover import Rover, load_rover
 from rover_pin.scenarios.composed_model import ComposedModel, as_it_cruises, compose_model, on_its_side
 from rover_pin.scenarios.controllers import controller_from, drives_straight, turning_note
+from rover_pin.scenarios.drive_file import is_drive_file, with_drive_file, write_drive
 from rover_pin.scenarios.scenes import SCENES, Scene, scale_arguments
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.defaults import pace, scale, usual_angles
@@ -56,7 +57,21 @@ DURATION = spec("s", "the duration of the scenario", MIN_STEP)
 BURIAL = spec("", "assumed: a drive ends if a wheel has sunk by half its radius", 0.0, DEEPEST)
 WHOLE = {"soil": Soil, "motor": Motor, "start": Start}
 """Name of a setting that may be given as one object instead of field by field -> class of this object."""
+SAVED = ("rover", "soil", "gravity", "control", "control.seed", "terrain.seed", "terrain.path")
+"""Settings that `Scenario.save` also writes if the user did not give them, so that a reader of the file sees the drive,
+and that later changes of these defaults do not change it. The duration is always written."""
 FRICTION = quantities(GearFriction)["tau_c"]._replace(source="adds GearFriction of this torque at the wheel")
+
+
+class Origin(NamedTuple):
+    """The settings from which a scenario was made, and the objects that were made from them."""
+
+    settings: Mapping[str, Any]
+    """name of a setting -> its value: the user's settings without objects in memory, and those in SAVED"""
+    in_memory: tuple[str, ...]
+    "names of the settings that the user gave as objects in memory, which no file can hold"
+    made: tuple[Any, ...]
+    """model, controller, start and timing of the scenario as they were made"""
 
 
 @brief
@@ -84,6 +99,8 @@ class Scenario:
     """settings that the user has given, without objects in memory"""
     assumed: tuple[str, ...] = ()
     """sentences on assumptions about the rover, where neither its TOML nor a setting states a number"""
+    origin: Origin | None = field(default=None, repr=False)
+    """the settings that make this drive again, for `save`; None if the object was not made by `scenario`"""
 
     @public
     def drive(self, progress: Progress | None = None, *, measure_error: bool = True) -> Trace:
@@ -120,6 +137,46 @@ class Scenario:
             "assumed": list(self.assumed),
         }
         return dataclasses.replace(trace, attrs={**trace.attrs, **attributes})
+
+    @public
+    def save(self, path: str | Path) -> Path:
+        """Write the drive as a TOML file, and return its path. `scenario(path)` makes the same drive from this file.
+
+        The file holds the name of the scenario, the duration, the settings that were given, and the main settings that
+        were not given (rover, soil, gravity, control, seeds). Paths are written relative to the folder of the file.
+
+        Parameters
+        ----------
+        path : str or path
+            The file, with the suffix .toml.
+
+        Raises
+        ------
+        ParameterError
+            A file cannot hold this drive: a setting is an object in memory, such as a controller, or the model, the
+            controller, the start or the timing was replaced after `scenario` had made the drive.
+        DataError
+            The path has another suffix, or the file cannot be written.
+
+        Examples
+        --------
+        >>> path = scenario("flat", duration=0.5).save("my-drive.toml")  # doctest: +SKIP
+        >>> trace = scenario(path).drive()  # doctest: +SKIP
+        """
+        # The fields must still be those objects that the settings have made.
+        now = (self.model, self.controller, self.start, self.timing)
+        if self.origin is None or any(field is not made for field, made in zip(now, self.origin.made, strict=True)):
+            raise ParameterError(
+                f"the drive '{self.name}' was changed after scenario(...) had made it, so its settings no longer "
+                "describe it: state the change as a setting of scenario(...)."
+            )
+        if self.origin.in_memory:
+            name = self.origin.in_memory[0]
+            raise ParameterError(
+                f"the setting {name} of the drive '{self.name}' is an object in memory, which a file cannot hold: give "
+                f"{name} as a word, as a path, or by its numbers, as `rover-pin list settings` shows them."
+            )
+        return write_drive(path, self.name, {**self.origin.settings, "duration": self.duration})
 
     @public
     def write_log(self, trace: Trace, folder: str | Path) -> Path:
@@ -192,16 +249,18 @@ class Scenario:
 
 
 @public
-def scenario(name: str, /, **settings: Any) -> Scenario:
-    """Return a ready-made drive. The settings change its model, its controller and its duration.
+def scenario(name: str | Path, /, **settings: Any) -> Scenario:
+    """Return a ready-made drive, or the drive in a file. The settings change its model, its controller and its
+    duration.
 
     The name of a setting may have a dot, which a Python keyword cannot have. Pass such settings as
     `**{"terrain.wall_angle_deg": 40}`.
 
     Parameters
     ----------
-    name : str
-        One of SCENES.
+    name : str or path
+        One of SCENES; or the path of a drive file (.toml), as `Scenario.save` writes it. Settings replace those of the
+        file.
     **settings
         A value may have a unit ("5mm", "30deg"). An angle whose name ends in `_deg` is in degrees.
 
@@ -263,8 +322,8 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
     return ready_scenario
 
 
-def settings_of(name: str, /, **settings: Any) -> tuple[Setting, ...]:
-    """Return every setting of a scenario with its default value, unit and source.
+def settings_of(name: str | Path, /, **settings: Any) -> tuple[Setting, ...]:
+    """Return every setting of a scenario, or of a drive file, with its default value, unit and source.
 
     Settings that are given replace their defaults. Defaults that depend on a given setting, such as the numbers of
     another soil, follow this setting.
@@ -272,11 +331,25 @@ def settings_of(name: str, /, **settings: Any) -> tuple[Setting, ...]:
     return tuple(_make_scenario(name, settings)[1].known.values())
 
 
-def _make_scenario(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
-    """Return a ready-made drive, and all its settings, each with its value, unit and source.
+def _make_scenario(name: str | Path, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
+    """Return a ready-made drive, or the drive in a file, and all its settings, each with its value, unit and source.
 
-    Raises ParameterError: the name or a setting is unknown, or a value is not allowed.
+    Raises ParameterError: the name or a setting is unknown, or a value is not allowed; the message names the file.
     """
+    if not is_drive_file(name):
+        return _compose_scenario(str(name), settings)
+    trust = settings.get("trust", Trust())
+    scene, all_settings = with_drive_file(name, settings, trust if isinstance(trust, Trust) else Trust())
+    try:
+        return _compose_scenario(scene, all_settings)
+    except (ParameterError, DataError) as error:
+        given = " with the settings given in addition" if set(settings) - {"trust"} else ""
+        kind = next(kind for kind in (UnknownNameError, ParameterError, DataError) if isinstance(error, kind))
+        raise kind(f"{name}{given}: {error}") from error
+
+
+def _compose_scenario(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
+    """Return a ready-made drive by the name of its scenario, and all its settings, as `_make_scenario` does."""
     if name not in SCENES:
         raise UnknownNameError(f"There is no scenario '{name}': {closest(name, SCENES)}")
     # The steps below follow the order in which settings depend on each other: ground, model, controller, start, times.
@@ -314,7 +387,28 @@ def _make_scenario(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Se
         for name, value in final_settings.items()
         if name != "trust" and value is not controller and not isinstance(value, Rover)
     }
-    return Scenario(name, model, controller, duration, start, Timing(dt), symmetric, final_settings, assumed), request
+    in_memory = (*(("terrain",) if ground is not None else ()), *settings.keys() - final_settings.keys() - {"trust"})
+    timing = Timing(dt)
+    origin = Origin(
+        _saved_settings(final_settings, request, model.rover), in_memory, (model, controller, start, timing)
+    )
+    ready = Scenario(name, model, controller, duration, start, timing, symmetric, final_settings, assumed, origin)
+    return ready, request
+
+
+def _saved_settings(given: Mapping[str, Any], request: Settings, rover: Rover) -> dict[str, Any]:
+    """Return the settings of a drive file: the main settings (SAVED) with their values, then all settings that the user
+    gave.
+    """
+    known = {name: request.known[name].value for name in SAVED if name in request.known}
+    # A model file states rover and soil itself.
+    if "model" in given:
+        known = {name: value for name, value in known.items() if name not in ("rover", "soil")}
+    # A soil in the rover's TOML may change numbers of a named soil; the name alone would be another soil.
+    if "soil" not in given and set(rover.soil) != {"name"}:
+        known.pop("soil", None)
+    known = {name: int(value) if name.endswith(".seed") else value for name, value in known.items()}
+    return {**known, **given}
 
 
 def _scene_on(scene: Scene, ground: Any, request: Settings) -> Scene:

@@ -10,6 +10,8 @@ from rover_pin.base.errors import ParameterError, closest
 from rover_pin.base.files.toml_file import read_toml
 from rover_pin.base.trust import Trust
 from rover_pin.base.units import UNITS, USUAL, factor_to
+from rover_pin.scenarios.drive_file import is_drive_file
+from rover_pin.scenarios.scenario import scenario
 from rover_pin.sweep.plan import Axis, Grid, LatinHypercube, LogRange, Plan, Range, Sobol, Values, kind_of
 from rover_pin.sweep.study import Study
 
@@ -27,7 +29,7 @@ def read_study(path: str | Path, trust: Trust = Trust()) -> Study:
     """Read a study from a TOML file such as::
 
         name = "ditch"
-        scenario = "ditch"
+        scenario = "ditch"             # or a drive file in the folder of the study: "my-drive.toml"
         duration = 60.0                # s
         repeats = 1
         paired = [["soil.c", "soil.phi"]]
@@ -47,13 +49,17 @@ def read_study(path: str | Path, trust: Trust = Trust()) -> Study:
     """
     table = read_toml(path)
     trust.refuse_elsewhere(table, Path(path))
+    # A drive file is found from the folder of the study, and is checked on its own: an error then names the drive file.
+    if isinstance(table.get("scenario"), str) and is_drive_file(table["scenario"]):
+        table["scenario"] = str(trust.within(Path(path).parent, table["scenario"], str(path)))
+        scenario(table["scenario"], trust=trust)
     try:
-        return dataclasses.replace(_study(table), trust=trust)
+        return _study(table, trust)
     except ParameterError as error:
         raise ParameterError(f"{path}: {error}") from error
 
 
-def _study(table: dict[str, Any]) -> Study:
+def _study(table: dict[str, Any], trust: Trust) -> Study:
     # Names first: the user learns of a mistyped key, not of a value that seems to be missing because of it.
     fields = (field for field in dataclasses.fields(Study) if field.name != "trust")
     # Misspelt and missing keys are reported before any value is read.
@@ -73,7 +79,7 @@ def _study(table: dict[str, Any]) -> Study:
                 raise ParameterError(f"setting '{name}': {error}") from error
         settings[name] = entry
     others = {name: value for name, value in table.items() if name not in ("plan", "parameters", "settings")}
-    return Study(**others, plan=_plan(table["plan"]), parameters=axes, settings=settings)
+    return Study(**others, plan=_plan(table["plan"]), parameters=axes, settings=settings, trust=trust)
 
 
 def _plan(entry: Any) -> Plan:

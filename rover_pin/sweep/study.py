@@ -17,6 +17,7 @@ import numpy as np
 from rover_pin.base.errors import ParameterError, closest
 from rover_pin.base.public import brief
 from rover_pin.base.trust import Trust
+from rover_pin.scenarios.drive_file import with_drive_file
 from rover_pin.sweep.plan import MAX_CASES, Axis, Group, Plan, Values, kind_of
 
 
@@ -50,7 +51,8 @@ class Study:
     name : str
         Letters, digits, `-`, `_` and `.`; also the default name of the results folder.
     scenario : str
-        Name of the scenario that is driven.
+        Name of the scenario that is driven, or the path of a drive file (.toml). The study then takes the scenario and
+        the settings of this file; its own settings, parameters, duration and step replace those of the file.
     parameters : mapping
         Name of a setting of the scenario, such as `soil.k` -> the values that it takes: Range, LogRange or Values, in
         SI units.
@@ -76,6 +78,8 @@ class Study:
     ------
     ParameterError
         If an argument is not allowed; the message names the parameter.
+    DataError
+        If the drive file cannot be read.
 
     Examples
     --------
@@ -123,6 +127,15 @@ class Study:
             if isinstance(value, bool) or not isinstance(value, int) or value < minimum:
                 raise ParameterError(f"{name} = {value!r} is not allowed: give a whole number of at least {minimum}.")
         self._check_names()
+        self._read_drive_file()
+
+    def _read_drive_file(self) -> None:
+        """Replace a drive file by its scenario and its settings, so that the results folder states the whole drive."""
+        times = {name: getattr(self, name) for name in ("duration", "dt") if getattr(self, name) is not None}
+        own = {**times, **self.parameters}
+        scenario, settings = with_drive_file(self.scenario, {**self.settings, **own}, self.trust)
+        object.__setattr__(self, "scenario", scenario)
+        object.__setattr__(self, "settings", {name: value for name, value in settings.items() if name not in own})
 
     def _check_names(self) -> None:
         """Raise an error if a name occurs twice among settings, parameters and pairs, or if paired parameters cannot

@@ -285,12 +285,14 @@ class TuningStudy:
         return dataclasses.replace(self, training=training, held_out=held_out)
 
     def trusting(self, trust: Trust) -> Self:
-        """Return a copy of the study with the user's decision `trust`, which effect files of the models may be
-        executed.
+        """Return a copy of the study with the user's decision `trust`, which files of code the models and the settings
+        of the drives may name.
         """
 
         def with_trust(case: DriveCase) -> DriveCase:
-            return dataclasses.replace(case, settings=(*case.settings, ("trust", trust))) if case.model_file else case
+            # Without consent, only a model file needs the decision: the keys of other drives stay as they are.
+            needs_trust = case.model_file or trust != Trust()
+            return dataclasses.replace(case, settings=(*case.settings, ("trust", trust))) if needs_trust else case
 
         training, held_out = (tuple(with_trust(case) for case in cases) for cases in (self.training, self.held_out))
         return dataclasses.replace(self, training=training, held_out=held_out)

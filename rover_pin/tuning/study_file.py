@@ -10,6 +10,8 @@ from rover_pin.base.files.toml_file import read_toml, table_in
 from rover_pin.base.quantity import record_from, to_si
 from rover_pin.base.trust import Trust
 from rover_pin.control.slip_control import HOLE_GAINS, Gains, HoleLaw
+from rover_pin.scenarios.drive_file import is_drive_file, with_drive_file
+from rover_pin.scenarios.scenario import scenario as make_scenario
 from rover_pin.tuning.drive_score import Cost
 from rover_pin.tuning.study import DriveCase, Effort, TuningStudy
 
@@ -41,7 +43,7 @@ def read_tuning(path: str | Path, trust: Trust = Trust()) -> TuningStudy:
         soil.k = 0.01
         terrain.wall_angle_deg = 35
         [[held_out]]
-        scenario = "incline"
+        scenario = "my-drive.toml"     # a drive file in the folder of the study, without its control
 
     The fields are described at `TuningStudy`, `Cost` and `Effort`. `trust` states which files outside the folder of the
     study may be read.
@@ -53,15 +55,16 @@ def read_tuning(path: str | Path, trust: Trust = Trust()) -> TuningStudy:
     table = read_toml(path)
     trust.refuse_elsewhere(table, Path(path))
     try:
-        return _study(table, Path(path).stem)
+        return _study(table, Path(path), trust)
     except ParameterError as error:
         raise ParameterError(f"{path}: {error}") from error
 
 
-def _study(table: dict[str, Any], stem: str) -> TuningStudy:
-    """Return the tuning study in the table of a TOML file. `stem` is the name of the file without its suffix; it is
-    also the name of a study that has no name.
+def _study(table: dict[str, Any], path: Path, trust: Trust) -> TuningStudy:
+    """Return the tuning study in the table of the TOML file `path`. The name of the file without its suffix is also the
+    name of a study that has no name.
     """
+    stem = path.stem
     keys = [entry.name for entry in dataclasses.fields(TuningStudy) if entry.name != "hole"]
     # A misspelt key would otherwise be ignored, and its default would be used without a notice.
     for key in table:
@@ -84,8 +87,8 @@ def _study(table: dict[str, Any], stem: str) -> TuningStudy:
     return TuningStudy(
         name,
         **fields,
-        training=_cases("training", table.get("training", [])),
-        held_out=_cases("held_out", table.get("held_out", [])),
+        training=_cases("training", table.get("training", []), path, trust),
+        held_out=_cases("held_out", table.get("held_out", []), path, trust),
         before=record_from(Gains, {**usual, **before}, "[before]"),
         hole=hole,
         cost=record_from(Cost, table.get("cost", {}), "[cost]"),
@@ -103,8 +106,9 @@ def _pair(name: str, bounds: Any) -> Any:
     return tuple(to_si(bound, "", "", f"the bounds of {name}") for bound in bounds)
 
 
-def _cases(where: str, entries: Any) -> tuple[DriveCase, ...]:
-    """Return the drives in a list of tables of a study file. `where` is the key of the list, training or held_out.
+def _cases(where: str, entries: Any, path: Path, trust: Trust) -> tuple[DriveCase, ...]:
+    """Return the drives in a list of tables of the study file `path`. `where` is the key of the list, training or
+    held_out.
 
     Raises ParameterError: the value is no list of tables, or a drive has no scenario.
     """
@@ -119,8 +123,25 @@ def _cases(where: str, entries: Any) -> tuple[DriveCase, ...]:
         scenario, name = (_name(drive, key, entry.pop(key, drive)) for key in ("scenario", "name"))
         post_peak = to_si(entry.pop("post_peak", 0.0), "", "", f"{drive}: post_peak")
         # All other keys are settings of the scenario.
-        cases.append(DriveCase(name, scenario, tuple(sorted(_flat(entry))), post_peak))
+        settings = dict(_flat(entry))
+        if is_drive_file(scenario):
+            scenario, settings = _of_drive_file(
+                trust.within(path.parent, scenario, f"{path}: {drive}"), settings, trust
+            )
+        cases.append(DriveCase(name, scenario, tuple(sorted(settings.items())), post_peak))
     return tuple(cases)
+
+
+def _of_drive_file(file: Path, settings: Mapping[str, Any], trust: Trust) -> tuple[str, dict[str, Any]]:
+    """Return the scenario and the settings of a drive in a drive file, changed by `settings`.
+
+    The control of the drive file is left out, because the tuning chooses the control.
+    """
+    # The file is checked on its own first, so that an error in it names the file.
+    make_scenario(file, trust=trust)
+    scenario, all_settings = with_drive_file(file, settings, trust)
+    others = {name: value for name, value in all_settings.items() if name.partition(".")[0] != "control"}
+    return scenario, {**others, **settings}
 
 
 def _name(where: str, key: str, value: Any) -> str:

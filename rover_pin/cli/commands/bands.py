@@ -33,7 +33,7 @@ def bands(name: str, folder: Path, settings: dict[str, Any], out: Path) -> dict[
 
 
 def refuse_of_one_model(views: list[str], folder: Path) -> None:
-    """Check that the user requests no page, GIF or film together with a folder of models, because these show a single
+    """Check that the user requests no page, GIF, film or drive file of a folder of models, because these hold a single
     drive.
 
     `views` are the names of the requested files, and `folder` is the folder of models.
@@ -42,6 +42,6 @@ def refuse_of_one_model(views: list[str], folder: Path) -> None:
     """
     if views:
         raise ParameterError(
-            f"a page, GIF or film shows a single drive, but {folder} is a folder of models: give --model one of its "
-            "files."
+            f"a page, GIF, film or drive file holds a single drive, but {folder} is a folder of models: give --model "
+            "one of its files."
         )

@@ -43,7 +43,7 @@ class Kind(StrEnum):
 
 
 def export(
-    path: Annotated[Path, typer.Argument(help="A drive log's folder, or a trace in .parquet.")],
+    path: Annotated[Path, typer.Argument(help="A drive log's folder, a trace in .parquet, or a drive's TOML file.")],
     to: Annotated[Kind, typer.Option(help="csv, parquet (pandas), mcap (Foxglove), rerun.")] = Kind.CSV,
     run: Run = "",
     trust: Trusted = False,
@@ -162,7 +162,7 @@ def export_mjcf(
     settings = {name: str(value) if isinstance(value, Path) else value for name, value in chosen.settings.items()}
     texts = {
         out / "rover.xml": mjcf(chosen.model, chosen.start, min(TIMESTEP, chosen.timing.dt)),
-        out / "drive.py": drive_text(scenario, settings, len(chosen.model.rover.wheels)),
+        out / "drive.py": drive_text(chosen.name, settings, len(chosen.model.rover.wheels)),
     }
     say_what_is_replaced(out, tuple(file.name for file in texts))
     with alone_in(out):

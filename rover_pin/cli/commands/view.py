@@ -25,7 +25,7 @@ PAGE, GIF, MP4 = SEEN = ("view.html", "drive.gif", "drive.mp4")
 
 
 def view(
-    path: Annotated[Path, typer.Argument(help="A drive log's folder, or a trace in .parquet.")],
+    path: Annotated[Path, typer.Argument(help="A drive log's folder, a trace in .parquet, or a drive's TOML file.")],
     compare: Annotated[Path | None, typer.Option(help="Another drive, shown as a transparent ghost.")] = None,
     run: Run = "",
     gif: Gif = False,
