@@ -241,7 +241,11 @@ def bounds(
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Print the slope that a drive climbs, and the torques that wheels can transmit. The motor's margin is printed too.
+    """Print the torques that wheels can transmit, the motor's margin, and two limits of the slope.
+
+    `climbable` is the slope on which the pull at a slip of 1 just balances weight and motion resistance: the rover
+    stands still there, and creeps on slopes that are a few degrees gentler. `climbable at slip limit` is the slope that
+    it climbs with all wheels at the slip limit.
 
     Only the traction and the motion resistance of a model count, not its other effects. For a folder of models, such as
     a loop's `posterior`, the printed bounds hold for the next model with a probability of 90 %.

@@ -190,7 +190,8 @@ def driven_slope(
 ) -> float:
     """Return the slope [rad] that a rover climbs steadily with all wheels at the slip limit.
 
-    With a slip limit of 1, the result is the steepest slope that the rover can climb. The slope solves
+    With a slip limit of 1, the result is an upper limit: the rover stands still on this slope, and creeps on slopes
+    that are a few degrees gentler. The slope solves
 
         sum_i min(f_t(W_i), T_stall / r_i) = m g sin(slope) + R sum_i W_i,
 
@@ -261,11 +262,11 @@ def bounds_report(
     motor: Motor | None = None,
     R: float = 0.0,
 ) -> dict[str, Any]:
-    """Return a rover's torque bounds on a slope, and the slopes that it can climb, as plain values for a JSON file.
+    """Return a rover's torque bounds on a slope, and the limits of the slope, as plain values for a JSON file.
 
-    The dict has the settings, the slopes that the rover climbs at a slip of 1 and at the slip limit (`driven_slope`),
-    and under the key `wheels` the rows of `RoverBounds.rows`. For parameters and errors, see `rover_torque_bounds` and
-    `driven_slope`.
+    The dict has the settings, the slopes on which the pull at a slip of 1 and at the slip limit balances weight and
+    motion resistance (`driven_slope`), and under the key `wheels` the rows of `RoverBounds.rows`. For parameters and
+    errors, see `rover_torque_bounds` and `driven_slope`.
     """
     bounds = rover_torque_bounds(rover, soil, slope, gravity=gravity, limit=limit)
     # At S = 1, the pull is the largest that the soil gives in driving.

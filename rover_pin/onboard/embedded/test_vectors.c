@@ -1,8 +1,8 @@
 /* Test of the exported control: test_vectors vectors.csv LIMIT
 
    The program gives the readings in vectors.csv to the control, compares its answers with those in the file, and prints
-   the largest difference. It returns 0 if the difference is within LIMIT, 1 if it is not, and 2 if the file cannot be
-   read. */
+   the largest difference. It returns 0 if the difference is within LIMIT (1e-12 if not given), 1 if it is not, and 2 if
+   the file is not named or cannot be read, with a message. */
 #include "rover_control.h"
 #include <math.h>
 #include <stdio.h>
@@ -46,13 +46,23 @@ int main(int argc, char **argv) {
 #endif
   RoverReading in;
   RoverCommand out;
-  FILE *file = argc > 1 ? fopen(argv[1], "r") : NULL;
+  FILE *file;
   const double limit = argc > 2 ? atof(argv[2]) : 1e-12;
   double worst = 0.0;
   rover_real anew;
   int rows = 0;
-  if (!file) return 2;
-  if (fscanf(file, "%*[^\n]") == EOF) return 2;
+  if (argc < 2) {
+    fputs("Usage: test_vectors vectors.csv [LIMIT]\n"
+          "Compares the answers of the control with those in vectors.csv. The largest allowed difference is LIMIT,\n"
+          "1e-12 if not given. Exit code: 0 if all answers agree, 1 if not, 2 if the file cannot be read.\n",
+          stderr);
+    return 2;
+  }
+  file = fopen(argv[1], "r");
+  if (!file || fscanf(file, "%*[^\n]") == EOF) {
+    fprintf(stderr, "test_vectors: %s cannot be read, or is empty.\n", argv[1]);
+    return 2;
+  }
   while (read_numbers(file, &anew, 1)) {
     if (anew > 0.5) {
       rover_control_reset(&control);
@@ -62,8 +72,10 @@ int main(int argc, char **argv) {
     }
     if (!read_numbers(file, in.duty, ROVER_WHEELS) || !read_numbers(file, in.wheel_rate, ROVER_WHEELS) || !read_numbers(file, in.current, ROVER_WHEELS) ||
         !read_numbers(file, in.suspension, ROVER_LINKS) || !read_numbers(file, &in.roll, 1) || !read_numbers(file, &in.pitch, 1) ||
-        !read_numbers(file, &in.seen_speed, 1) || !read_numbers(file, in.slip, ROVER_WHEELS) || !read_numbers(file, in.travel, ROVER_WHEELS))
+        !read_numbers(file, &in.seen_speed, 1) || !read_numbers(file, in.slip, ROVER_WHEELS) || !read_numbers(file, in.travel, ROVER_WHEELS)) {
+      fprintf(stderr, "test_vectors: %s, sample %d: a number is missing.\n", argv[1], rows + 1);
       return 2;
+    }
     rover_control_step(&control, &in, &out);
     const rover_real more[2] = {out.stands, (rover_real)out.stopped};
     worst = fmax(worst, largest_difference(file, out.duty, ROVER_WHEELS));

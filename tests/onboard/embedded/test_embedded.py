@@ -82,6 +82,17 @@ def test_vectors_notice_a_number_that_is_otherwise(tmp_path):
     assert stepped(built(tmp_path)).returncode == 1
 
 
+@pytest.mark.parametrize("control", ["eq9", "cmd-vel"])
+def test_the_test_program_says_why_it_ends_without_a_test(control, tmp_path):
+    write_control(export(control=control), tmp_path)
+    program = built(tmp_path)
+    (tmp_path / "empty.csv").touch()
+    for words, named in (((), "vectors.csv [LIMIT]"), (("missing.csv",), "missing.csv"), (("empty.csv",), "empty.csv")):
+        done = subprocess.run([program, *words], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert named in done.stderr
+
+
 def test_vectors_try_all_that_a_control_decides():
     """Duties within and at their limits, stops and their ends, sure and unsure estimates and forecasts."""
     rows = np.array(list(vectors(export(control="onboard"), 2000)))
