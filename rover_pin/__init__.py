@@ -15,10 +15,12 @@ if TYPE_CHECKING:
 
     from rover_pin.base.errors import RoverPinError
     from rover_pin.contact import Soil, Wheel
+    from rover_pin.control.design.linear import linear_model, trim_state
     from rover_pin.control.open_loop import ConstantDuty
     from rover_pin.control.slip_control import SlipControl
     from rover_pin.control.torque_bounds import torque_bounds
     from rover_pin.loop.close import close_the_loop
+    from rover_pin.loop.identify import identify
     from rover_pin.parameters import SOILS
     from rover_pin.rover.rover import load_rover
     from rover_pin.scenarios.scenario import scenario
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
     from rover_pin.simulation.simulate import plain_simulate, simulate
     from rover_pin.simulation.trace.trace import Trace
     from rover_pin.soil.wheel_forces import load_traction_factor, wheel_forces
+    from rover_pin.tuning.improve import improve
+    from rover_pin.tuning.tune import tune_gains
 
 # A program that uses this package decides where its log goes; without this handler, warnings would go to stderr.
 # A program that has not imported `logging` yet gets the handler with `rover_pin.base.errors`.
@@ -47,6 +51,9 @@ __all__ = [
     "Wheel",
     "__version__",
     "close_the_loop",
+    "identify",
+    "improve",
+    "linear_model",
     "load_rover",
     "load_traction_factor",
     "plain_simulate",
@@ -54,17 +61,21 @@ __all__ = [
     "sensitivities",
     "simulate",
     "torque_bounds",
+    "trim_state",
+    "tune_gains",
     "wheel_forces",
 ]
 
 _HOMES = {
     "rover.rover": ("load_rover",),
     "contact": ("Soil", "Wheel"),
+    "control.design.linear": ("linear_model", "trim_state"),
     "control.torque_bounds": ("torque_bounds",),
     "control.open_loop": ("ConstantDuty",),
     "control.slip_control": ("SlipControl",),
     "base.errors": ("RoverPinError",),
     "loop.close": ("close_the_loop",),
+    "loop.identify": ("identify",),
     "simulation.model.model": ("Model",),
     "simulation.model.motor": ("Motor",),
     "simulation.simulate": ("plain_simulate", "simulate"),
@@ -72,6 +83,8 @@ _HOMES = {
     "parameters": ("SOILS",),
     "scenarios.scenario": ("scenario",),
     "scenarios.sensitivities": ("sensitivities",),
+    "tuning.improve": ("improve",),
+    "tuning.tune": ("tune_gains",),
     "soil.wheel_forces": ("load_traction_factor", "wheel_forces"),
 }
 

@@ -14,8 +14,8 @@ import pytest
 import rover_pin
 
 DATA = {"SOILS", "__version__"}
-SLOW = {"close_the_loop"}
-"""Its example takes seconds; the README's closes the same loop in every run."""
+SLOW = {"close_the_loop", "identify"}
+"""Their examples take seconds; the README's example closes the same loop in every run."""
 NAMES = sorted(set(rover_pin.__all__) - DATA)
 FUNCTIONS = [name for name in NAMES if inspect.isfunction(getattr(rover_pin, name))]
 

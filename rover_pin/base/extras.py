@@ -11,6 +11,7 @@ EXTRAS = {
     "cluster": ("dask[distributed]>=2024.1",),
     "dem": ("rasterio>=1.4",),
     "compiler": ("ziglang>=0.13",),
+    "control": ("control>=0.10",),
     "ros": ("rosbags>=0.11.6",),
     "view": ("viser>=1.0",),
     "mcap": ("mcap>=1.1",),

@@ -76,6 +76,12 @@ def identify(
     progress : callable
         Called with one line of text before each step.
 
+    Returns
+    -------
+    Identification
+        The estimate of each number, with its interval and with the priors that it depends on; `report()` returns the
+        text that the command prints.
+
     Raises
     ------
     ParameterError, DataError

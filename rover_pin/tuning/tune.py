@@ -26,6 +26,7 @@ from rover_pin.base.errors import OptimisationError
 from rover_pin.base.files.results_folder import alone_in
 from rover_pin.base.jobs.cluster import refuse_both, workers_of
 from rover_pin.base.jobs.workers import ending_workers
+from rover_pin.base.public import public
 from rover_pin.tuning.drive_score import Score
 from rover_pin.tuning.drives import (
     CONSTANT_DUTY,
@@ -40,6 +41,7 @@ from rover_pin.tuning.drives import (
 from rover_pin.tuning.evaluations import Evaluations, Progress
 from rover_pin.tuning.report import Candidate, ControlScores, Trial, TuningResult, write_result
 from rover_pin.tuning.study import LOGARITHMIC, SeededDrive, SlipLaw, TuningStudy
+from rover_pin.tuning.study_file import read_tuning
 from rover_pin.tuning.trust import ReducedModelCheck, check_drives, refusal, worse_checks
 
 MIN_DISTANCE = 0.1
@@ -64,8 +66,9 @@ class SearchPoint(NamedTuple):
     "cost on the full rover at the start of a polish"
 
 
+@public
 def tune_gains(
-    study: TuningStudy,
+    study: TuningStudy | str | Path,
     out: str | Path | None = None,
     progress: Progress | None = None,
     workers: int | None = None,
@@ -75,8 +78,8 @@ def tune_gains(
 
     Parameters
     ----------
-    study : TuningStudy
-        Free gains, drives and effort, from `read_tuning` or made in Python.
+    study : TuningStudy or path
+        Free gains, drives and effort: a study's TOML file, or a study that was made in Python.
     out : path, optional
         Folder for gains.toml, tables, figures and finished evaluations. A tuning that was stopped continues from this
         folder.
@@ -87,6 +90,11 @@ def tune_gains(
     scheduler : str, optional
         Address of a Dask scheduler, whose workers run the drives instead of local processes. Start the workers with
         `--nthreads 1`.
+
+    Returns
+    -------
+    TuningResult
+        The best gains, the drives with them, and `summary()`, which the command prints.
 
     Raises
     ------
@@ -101,9 +109,11 @@ def tune_gains(
 
     Examples
     --------
-    >>> from rover_pin.tuning.study_file import read_tuning
-    >>> tune_gains(read_tuning("studies/tune_onboard.toml"), "out/tune").gains  # doctest: +SKIP
+    >>> from rover_pin import tune_gains
+    >>> tune_gains("studies/tune_onboard.toml", "out/tune").gains  # doctest: +SKIP
     """
+    if isinstance(study, (str, Path)):
+        study = read_tuning(study)
     refuse_both(workers, scheduler)
     # All scenarios are built once before the search, so that a mistake in one of them is reported at once.
     study = seal(study)

@@ -3,13 +3,15 @@ deviations from the trim point are x for the states, u for the duties, and y for
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from scipy.linalg import expm
 
-from rover_pin.base.errors import SimulationError
+from rover_pin.base.errors import MissingExtraError, SimulationError
+from rover_pin.base.extras import install_command
+from rover_pin.base.public import public
 from rover_pin.control.open_loop import ConstantDuty
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.model.model import Model
@@ -34,9 +36,12 @@ OUTPUT_COLUMNS = {"slip": RECORD.index("slip"), "current": RECORD.index("current
 class LinearModel:
     """The linear model dx/dt = A x + B u, y = C x + D u for deviations of a rover from a trim point.
 
-    The states x are the displacement and the speed of each degree of freedom (for the base, in the axes of the base),
-    and the states of the model's effects for each wheel. The inputs u are the duties of the wheels. The outputs y are
-    the forward speed of the base, and the slip, the current and the rate of each wheel.
+    The states x are the displacement and the speed of each degree of freedom, and the states of the model's effects for
+    each wheel. Their names are the channels of a drive log where such a channel exists: `body_x` and `body_vx` [m, m/s]
+    and `body_pitch` with `body_pitch_rate` [rad, rad/s] for the base, in the axes of the base; `rocker_l` and
+    `rocker_l_rate` for a joint; `wheel_angle_fl` and `wheel_rate_fl` for a wheel; and `S_fl` for the slip state of a
+    wheel. The inputs u are the duties of the wheels. The outputs y are the forward speed of the base, and the slip, the
+    current and the rate of each wheel.
     """
 
     A: np.ndarray
@@ -62,6 +67,29 @@ class LinearModel:
         """
         return np.asarray(self.C @ np.linalg.solve(1j * omega * np.eye(len(self.A)) - self.A, self.B) + self.D)
 
+    def to_ss(self) -> Any:
+        """Return the linear model as a `control.StateSpace` of python-control, with the names of states, inputs and
+        outputs.
+
+        Raises MissingExtraError if the package `control` is not installed.
+
+        Examples
+        --------
+        >>> from rover_pin import linear_model, scenario, trim_state
+        >>> flat = scenario("flat").model
+        >>> system = linear_model(flat, trim_state(flat, 0.5), 0.5).to_ss()  # doctest: +SKIP
+        >>> control.bode_plot(system["speed", "duty_fl"])  # doctest: +SKIP
+        """
+        try:
+            import control
+        except ImportError as error:
+            raise MissingExtraError(
+                f"to_ss needs the package control (python-control). Run `{install_command('control')}`, or use the "
+                "arrays A, B, C, D."
+            ) from error
+        names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}
+        return control.ss(self.A, self.B, self.C, self.D, **{key: list(value) for key, value in names.items()})
+
     def step_response(self, t: np.ndarray) -> np.ndarray:
         """Return the outputs (times, outputs) at the times t [s] after all duties have increased by 1 at t = 0.
 
@@ -82,13 +110,38 @@ class LinearModel:
         return np.array(rows)
 
 
+@public
 def trim_state(model: Model, duty: float, duration: float = 10.0, start: Start = Start()) -> DriveState:
     """Return a trim point of a model: the state that the rover has reached after a drive at a constant duty, when it no
     longer accelerates.
 
-    The rover drives from `start` for `duration` [s] with the duty `duty` [-] of all wheels.
+    Parameters
+    ----------
+    model : Model
+        The rover on its ground.
+    duty : float
+        Duty of all wheels [-], from -1 to 1.
+    duration : float
+        Duration of the drive [s].
+    start : Start
+        Pose and state from which the rover starts.
 
-    Raises SimulationError: the drive ends earlier, or the base still accelerates by more than `MAX_ACCELERATION`.
+    Returns
+    -------
+    DriveState
+        Configuration, velocities and effects' states at the end of the drive.
+
+    Raises
+    ------
+    SimulationError
+        The drive ends earlier, or the base still accelerates by more than `MAX_ACCELERATION`.
+
+    Examples
+    --------
+    >>> from rover_pin import scenario, trim_state
+    >>> state = trim_state(scenario("flat").model, duty=0.5)
+    >>> bool(0.03 < state.v[0] < 0.06)  # forward speed [m/s]
+    True
     """
     # The rover settles by itself: the end of a long drive at a constant duty is a steady motion.
     trace = simulate(model, ConstantDuty(duty), duration, start, measure_error=False)
@@ -109,20 +162,38 @@ def trim_state(model: Model, duty: float, duration: float = 10.0, start: Start =
     return state
 
 
+@public
 def linear_model(model: Model, state: DriveState, duty: float) -> LinearModel:
-    """Return the linear model of a rover at a state, with one duty [-] for all wheels.
+    """Return the linear model dx/dt = A x + B u, y = C x + D u of a rover at a state.
 
     The matrices follow from central differences of the compiled step of the simulation. The state should be a trim
     point (`trim_state`), because the linear model describes deviations from a steady motion. A force that changes its
     sign at the state, such as dry friction at rest, has no linear model.
 
-    Raises SimulationError: the step fails at the state.
+    Parameters
+    ----------
+    model : Model
+        The rover on its ground.
+    state : DriveState
+        The trim point.
+    duty : float
+        Duty of all wheels [-] at the trim point.
+
+    Returns
+    -------
+    LinearModel
+        The matrices, and the names of states, inputs and outputs. `to_ss()` returns it for python-control.
+
+    Raises
+    ------
+    SimulationError
+        The step fails at the state.
 
     Source: none.
 
     Examples
     --------
-    >>> from rover_pin import scenario
+    >>> from rover_pin import linear_model, scenario, trim_state
     >>> flat = scenario("flat").model
     >>> linear = linear_model(flat, trim_state(flat, 0.5), 0.5)
     >>> bool(abs(linear.response(0.01)[0].sum()) > abs(linear.response(100.0)[0].sum()))
@@ -220,14 +291,20 @@ class _Rates:
     def names(self) -> tuple[str, ...]:
         """Return the names of the states x: displacements, speeds, and the effects' states of each wheel."""
         # The names follow the order of `at`: displacements, speeds, states of contact effects and of motor effects.
-        base = ["x", "y", "z", "roll", "pitch", "yaw"]
+        displacements = ["body_x", "body_y", "body_z", "body_roll", "body_pitch", "body_yaw"]
+        speeds = ["body_vx", "body_vy", "body_vz", "body_roll_rate", "body_pitch_rate", "body_yaw_rate"]
+        # The first two joints of Pinocchio's model are the world and the free base.
         joints = list(self.pin_model.names)[2:]
-        names = [*base, *joints]
+        displacements += joints
+        speeds += [f"{joint}_rate" for joint in joints]
+        # A wheel is named as in a drive log, whatever the rover's description calls its joint.
+        for mount in self.model.rover.wheels:
+            displacements[mount.dof], speeds[mount.dof] = f"wheel_angle_{mount.name}", f"wheel_rate_{mount.name}"
         effect_states = [
-            f"{state.name} of {mount.name}"
+            f"{state.name}_{mount.name}"
             for effects in (self.model.contact_effects, self.model.motor_effects)
             for mount in self.model.rover.wheels
             for effect in effects
             for state in effect.states
         ]
-        return (*(f"displacement of {name}" for name in names), *(f"speed of {name}" for name in names), *effect_states)
+        return (*displacements, *speeds, *effect_states)

@@ -1,12 +1,14 @@
 """The linear model at a trim point, against the drive itself."""
 
+import sys
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.signal import lsim
 
 from rover_pin import ConstantDuty, scenario, simulate
-from rover_pin.base.errors import SimulationError
+from rover_pin.base.errors import MissingExtraError, SimulationError
 from rover_pin.control.design.linear import linear_model, trim_state
 from rover_pin.plot.response import response_figure
 
@@ -28,9 +30,17 @@ def test_its_sizes_and_names_fit(flat):
     assert linear.C.shape == (len(linear.outputs), states)
     assert linear.D.shape == (len(linear.outputs), wheels)
     assert states == 2 * model.rover.model.nv + state.contact.size + state.motor.size
-    displacement, speed = linear.states.index("displacement of x"), linear.states.index("speed of x")
+    displacement, speed = linear.states.index("body_x"), linear.states.index("body_vx")
     assert linear.A[displacement, speed] == pytest.approx(1.0, abs=1e-3)
     assert linear.C[0, speed] == pytest.approx(1.0)
+    # The rate of a wheel is an output, so that its row of C shows which state has the wheel's name.
+    for name in (wheel.name for wheel in model.rover.wheels):
+        row = linear.C[linear.outputs.index(f"rate_{name}")]
+        assert row[linear.states.index(f"wheel_rate_{name}")] == pytest.approx(1.0)
+        assert linear.A[linear.states.index(f"wheel_angle_{name}")] @ np.eye(states)[
+            linear.states.index(f"wheel_rate_{name}")
+        ] == pytest.approx(1.0, abs=1e-3)
+    assert len(set(linear.states)) == states
     assert linear.D[linear.outputs.index("current_fl"), 0] > 0.0
 
 
@@ -75,3 +85,24 @@ def test_its_step_response_is_that_of_another_integrator(flat):
     )
     figure = response_figure(linear, outputs=("speed", "slip_fl"))
     assert [len(axes.lines) for axes in figure.axes] == [2, 2, 2]
+
+
+def test_python_control_gets_the_same_system(flat):
+    control = pytest.importorskip("control")
+    linear = flat[2]
+    system = linear.to_ss()
+    for name in "ABCD":
+        np.testing.assert_array_equal(getattr(system, name), getattr(linear, name))
+    assert (system.state_labels, system.input_labels, system.output_labels) == (
+        list(linear.states), list(linear.inputs), list(linear.outputs)
+    )  # fmt: skip
+    # A subsystem is chosen by names, and its response is that of the package.
+    omega = 2.0 * np.pi
+    response = control.frequency_response(system["speed", "duty_fl"], [omega]).complex.item()
+    assert response == pytest.approx(linear.response(omega)[0, linear.inputs.index("duty_fl")], rel=1e-9)
+
+
+def test_without_python_control_the_message_says_what_to_install(flat, monkeypatch):
+    monkeypatch.setitem(sys.modules, "control", None)
+    with pytest.raises(MissingExtraError, match=r"pip install .control"):
+        flat[2].to_ss()
