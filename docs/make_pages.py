@@ -8,6 +8,8 @@ A line `<!-- file: PATH -->` in a page becomes that file, `<!-- rooms -->` what 
 from __future__ import annotations
 
 import ast
+import importlib
+import inspect
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,6 +27,16 @@ ROOT = Path(__file__).parents[1]
 PROSE = ("meaning", "acts")
 
 
+def on_config(config: Any) -> Any:
+    """List the pages of the Python reference, one for each room of the package, in the navigation."""
+    reference = next(section["Reference"] for section in config.nav if "Reference" in section)
+    (entry,) = (entry for entry in reference if list(entry.values()) == ["api.md"])
+    entry.update(
+        {title: [{"All names": "api.md"}, *({room: f"api/{room}.md"} for room in _public_names())] for title in entry}
+    )
+    return config
+
+
 def on_files(files: Files, config: Any) -> Files:
     """Add the pages that are made."""
     pages: dict[str, str | bytes] = {
@@ -34,7 +46,7 @@ def on_files(files: Files, config: Any) -> Files:
         "catalogue/effects.md": _entries("Effects", catalogue.effects(), "rover-pin drive ditch --add {}"),
         "catalogue/settings.md": _settings(),
         "catalogue/numbers.md": deciding.page(),
-        "api.md": _api(),
+        **_api(),
         "commands.md": _commands(),
     }
     for notebook in sorted((ROOT / "notebooks").glob("*.ipynb")):
@@ -140,15 +152,48 @@ def _rooms() -> str:
     return "".join(parts)
 
 
-def _api() -> str:
+def _public_names() -> dict[str, dict[str, str]]:
+    """Return room -> path of an object -> the name by which a page imports it, for all documented names.
+
+    These are the names that `rover_pin` itself has, and the names that pages and notebooks import from its modules.
+    """
     import rover_pin
 
-    homes = {name: home for home, names in rover_pin._HOMES.items() for name in names}
-    listed = "\n\n".join(f"::: rover_pin.{homes[name]}.{name}" for name in rover_pin.__all__ if name in homes)
-    return (
-        "# Python\n\nThe names that `rover_pin` itself has; they are loaded on first use. Everything else is imported "
-        f"from its own module, as the catalogue and [the examples](python.md) show.\n\n{listed}\n"
+    found = {(f"rover_pin.{home}", name): "rover_pin" for home, names in rover_pin._HOMES.items() for name in names}
+    pages = [*ROOT.glob("docs/*.md"), *ROOT.glob("notebooks/*.ipynb"), ROOT / "README.md"]
+    for path in sorted(pages):
+        for module, names in re.findall(r"from (rover_pin\.[\w.]+) import ([\w, ]+)", path.read_text(encoding="utf-8")):
+            for name in names.split(", "):
+                found.setdefault((module, name), module)
+    rooms: dict[str, dict[str, str]] = {}
+    for (module, name), source in found.items():
+        thing = getattr(importlib.import_module(module), name)
+        # A name may be imported from the room, but is defined in a file of it.
+        is_object = inspect.isclass(thing) or inspect.isfunction(thing)
+        home = thing.__module__ if is_object else module
+        rooms.setdefault(home.split(".")[1], {}).setdefault(f"{home}.{name}", source)
+    return {room: dict(sorted(rooms[room].items())) for room in sorted(rooms)}
+
+
+def _api() -> dict[str, str]:
+    """Return the pages of the Python reference: a table of all names, and one page for each room of the package."""
+    rows = ["| Name | Imported from | What it is |", "| --- | --- | --- |"]
+    pages = {}
+    for room, names in _public_names().items():
+        said = inspect.getdoc(importlib.import_module(f"rover_pin.{room}")) or ""
+        listed = "\n\n".join(f"::: {path}" for path in names)
+        pages[f"api/{room}.md"] = f"# {room}\n\n{_plain(' '.join(said.split()))}\n\n{listed}\n"
+        for path, source in names.items():
+            module, _, name = path.rpartition(".")
+            thing = getattr(importlib.import_module(module), name)
+            first = catalogue.first_line(thing) if inspect.isclass(thing) or inspect.isfunction(thing) else "a table"
+            rows.append(f"| [`{name}`][{path}] | `{source}` | {_plain(first)} |")
+    introduction = (
+        "# Python\n\nThe names that `rover_pin` itself has are loaded on first use. All other names are imported from their "
+        "own modules, as [the examples](python.md) show. Each room of the package has its page; the search field finds "
+        "names and words of the docstrings.\n\n"
     )
+    return {"api.md": introduction + "\n".join(rows) + "\n", **pages}
 
 
 def _commands() -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from rover_pin.base.errors import CacheError, MissingExtraError
+from rover_pin.base.errors import CacheError, MissingExtraError, RoverPinError
 from rover_pin.base.files import private_folders
 from rover_pin.simulation.compiled import toolchain
 
@@ -220,4 +220,29 @@ def test_a_damaged_library_does_not_serve_without_a_compiler(cache, monkeypatch)
     only(cache).write_bytes(flipped(only(cache).read_bytes(), 2000))
     monkeypatch.setattr(toolchain, "compiler", lambda: None)
     with pytest.raises(MissingExtraError, match="compiler"):
+        toolchain.shared_library(SOURCE, "twice")
+
+
+@pytest.mark.parametrize(("value", "vectors"), [("1", False), ("0", True), ("", True)])
+def test_the_portable_mode_compiles_for_every_processor(monkeypatch, value, vectors):
+    monkeypatch.setattr(toolchain, "level", lambda: "x86-64-v4")
+    monkeypatch.setattr(toolchain, "has_vector_math", lambda: True)
+    monkeypatch.setenv("ROVER_PIN_PORTABLE", value)
+    assert bool(toolchain.fast_flags(["cc"])) is vectors
+
+
+def test_a_portable_library_is_kept_apart_from_the_fast_one(cache, monkeypatch):
+    monkeypatch.setattr(toolchain, "level", lambda: "x86-64-v3")
+    monkeypatch.setattr(toolchain, "has_vector_math", lambda: True)
+    stems = set()
+    for value in ("0", "1"):
+        monkeypatch.setenv("ROVER_PIN_PORTABLE", value)
+        monkeypatch.setattr(toolchain, "cached_library", lambda folder, stem: stems.add(stem) or object())
+        toolchain.shared_library(SOURCE, "twice")
+    assert len(stems) == 2
+
+
+def test_another_value_of_the_portable_mode_is_refused(cache, monkeypatch):
+    monkeypatch.setenv("ROVER_PIN_PORTABLE", "yes")
+    with pytest.raises(RoverPinError, match="ROVER_PIN_PORTABLE = 'yes'"):
         toolchain.shared_library(SOURCE, "twice")

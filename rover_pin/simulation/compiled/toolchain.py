@@ -18,7 +18,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 
-from rover_pin.base.errors import NO_ROOM, CacheError, MissingExtraError
+from rover_pin.base.errors import NO_ROOM, CacheError, MissingExtraError, one_of
 from rover_pin.base.extras import install_command
 from rover_pin.base.files.private_folders import HINT, private_folders
 from rover_pin.base.jobs.safe_environment import bound_memory, program, safe_environment
@@ -29,7 +29,11 @@ FLAGS = ("-O3", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
 processors give equal bits."""
 PLAIN_CPU = "-mcpu=baseline"
 """Option of the compiler Zig for code that every processor of this architecture can run. Without this option, Zig
-compiles for the processor of this computer only, although another computer may use this folder of libraries."""
+compiles for the processor of this computer only, although another computer may use the same folder of libraries."""
+PORTABLE = "ROVER_PIN_PORTABLE"
+"""Environment variable for the portable mode. If its value is 1, code is compiled for every processor of this
+architecture, without vector instructions and without the vector functions of glibc, so that the same library serves all
+computers of one kind."""
 SEPARATOR = "\0"
 """Character between the texts of the digest in a library's file name; none of these texts can contain it."""
 DISK_FULL = os.strerror(errno.ENOSPC)
@@ -71,7 +75,7 @@ def shared_library(source: str, name: str) -> ctypes.CDLL:
         No private folder can hold the library.
     """
     # The first digest stands for the library's purpose: machines of different kinds may share a folder.
-    wanted = [source, sys.platform, os.uname().machine, level() if has_vector_math() else "", *platform.libc_ver()]
+    wanted = [source, sys.platform, os.uname().machine, level() if uses_vectors() else "", *platform.libc_ver()]
     prefix, command, folders = f"{name}-{_digest(wanted)}", compiler(), private_folders()
     if command is None:
         # Without a compiler, take any stored library with the same purpose, whatever compiler has made it.
@@ -124,12 +128,21 @@ def found_compiler() -> list[str]:
 def fast_flags(command: list[str]) -> list[str]:
     """Return the compiler options that make the laws use the vector instructions of this processor.
 
-    The list is empty if vector instructions cannot be used: with the compiler Zig, on an unknown processor, or if the C
-    library has no vector functions.
+    The list is empty if vector instructions cannot be used: in the portable mode, with the compiler Zig, on an unknown
+    processor, or if the C library has no vector functions.
     """
-    if len(command) > 1 or not (level() and has_vector_math()):  # zig has its own C library, without libmvec
+    if len(command) > 1 or not uses_vectors():  # zig has its own C library, without libmvec
         return []
     return [f"-march={level()}", "-DLIBMVEC"]
+
+
+def uses_vectors() -> bool:
+    """Return whether code may be compiled for the vector instructions of this processor.
+
+    Raises ParameterError: the environment variable for the portable mode (PORTABLE) is neither 0 nor 1.
+    """
+    portable = one_of(PORTABLE, os.environ.get(PORTABLE) or "0", ("0", "1")) == "1"
+    return not portable and bool(level()) and has_vector_math()
 
 
 def _compile_sources(command: list[str], sources: Mapping[str, str], place: Path, fast: Sequence[str] = ()) -> Path:

@@ -37,9 +37,9 @@ def test_its_sizes_and_names_fit(flat):
     for name in (wheel.name for wheel in model.rover.wheels):
         row = linear.C[linear.outputs.index(f"rate_{name}")]
         assert row[linear.states.index(f"wheel_rate_{name}")] == pytest.approx(1.0)
-        assert linear.A[linear.states.index(f"wheel_angle_{name}")] @ np.eye(states)[
-            linear.states.index(f"wheel_rate_{name}")
-        ] == pytest.approx(1.0, abs=1e-3)
+        # The step damps a wheel's rate within the step itself, so that the slope of its angle is slightly below 1.
+        angle = linear.A[linear.states.index(f"wheel_angle_{name}")]
+        assert angle[linear.states.index(f"wheel_rate_{name}")] == pytest.approx(1.0, abs=1e-2)
     assert len(set(linear.states)) == states
     assert linear.D[linear.outputs.index("current_fl"), 0] > 0.0
 
