@@ -22,13 +22,17 @@ from rover_pin.base.settings import Setting
 from rover_pin.cli.app import app
 from rover_pin.cli.terminal import fact, format_value, limits_of
 from rover_pin.scenarios import catalogue
+from rover_pin.version import __version__
 
 ROOT = Path(__file__).parents[1]
 PROSE = ("meaning", "acts")
 
 
 def on_config(config: Any) -> Any:
-    """List the pages of the Python reference, one for each room of the package, in the navigation."""
+    """List the pages of the Python reference, one for each room of the package, in the navigation. Print the version of
+    the package in the footer of every page.
+    """
+    config.copyright = f"rover_pin {__version__}"
     reference = next(section["Reference"] for section in config.nav if "Reference" in section)
     (entry,) = (entry for entry in reference if list(entry.values()) == ["api.md"])
     entry.update(
@@ -187,11 +191,11 @@ def _api() -> dict[str, str]:
             module, _, name = path.rpartition(".")
             thing = getattr(importlib.import_module(module), name)
             first = catalogue.first_line(thing) if inspect.isclass(thing) or inspect.isfunction(thing) else "a table"
-            rows.append(f"| [`{name}`][{path}] | `{source}` | {_plain(first)} |")
+            rows.append(f"| [`{name}`](api/{room}.md#{path}) | `{source}` | {_plain(first)} |")
     introduction = (
-        "# Python\n\nThe names that `rover_pin` itself has are loaded on first use. All other names are imported from their "
-        "own modules, as [the examples](python.md) show. Each room of the package has its page; the search field finds "
-        "names and words of the docstrings.\n\n"
+        "# Python\n\nThe names that `rover_pin` itself has are loaded on first use. All other names are imported from "
+        "their own modules, as [the examples](python.md) show. Each room of the package has its page. The search field "
+        "finds names and words of the docstrings.\n\n"
     )
     return {"api.md": introduction + "\n".join(rows) + "\n", **pages}
 

@@ -273,11 +273,13 @@ def snapshots(axes: Axes, case: Scenario, trace: Trace) -> None:
 
 def draw_map(table: pd.DataFrame) -> Figure:
     sands = list(dict.fromkeys(table.sand))
-    rows = math.ceil(len(sands) / 2)
-    figure = Figure(figsize=(15, 3.6 * rows), layout="constrained")
-    for axes, sand in zip(figure.subplots(rows, 2, squeeze=False).ravel(), sands, strict=False):
+    # One panel above the other: on a page of 690 pixels, two panels side by side have letters of 5 pixels.
+    figure = Figure(figsize=(8.0, 3.1 * len(sands)), layout="constrained")
+    for axes, sand in zip(figure.subplots(len(sands), squeeze=False).ravel(), sands, strict=True):
         panel(axes, table[table.sand == sand], sand)
-    figure.suptitle("seconds until out; x: stuck; ?: not the same at half the step.   Rows: slip, S_d, k_p, k_i")
+    figure.suptitle(
+        "seconds until out; x: stuck; ?: not the same at half the step\nrows: slip, S_d, k_p, k_i", fontsize=11
+    )
     return figure
 
 
@@ -289,10 +291,10 @@ def panel(axes: Axes, part: pd.DataFrame, title: str) -> None:
         at = walls.index(each.wall_deg), controls.index(each.control)
         axes.add_patch(Rectangle((at[0] - 0.48, at[1] - 0.48), 0.96, 0.96, color=colours[each.verdict], lw=0))
         word = {"out": f"{each.out_s:.0f}", "stuck": "x", "open": "?"}[each.verdict]
-        axes.text(*at, word, ha="center", va="center", fontsize=8)
+        axes.text(*at, word, ha="center", va="center", fontsize=9.5)
     axes.set(xlim=(-0.5, len(walls) - 0.5), ylim=(len(controls) - 0.5, -0.5), title=title, xlabel="wall angle [deg]")
     axes.set_xticks(range(len(walls)), [f"{wall:g}" for wall in walls])
-    axes.set_yticks(range(len(controls)), controls, fontsize=8)
+    axes.set_yticks(range(len(controls)), controls, fontsize=9.5)
 
 
 if __name__ == "__main__":

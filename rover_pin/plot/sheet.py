@@ -20,8 +20,8 @@ MAX_TITLE = 110
 line."""
 
 
-def in_lines(parts: Sequence[str]) -> str:
-    """Return the parts of a title as lines of at most MAX_TITLE characters.
+def in_lines(parts: Sequence[str], longest: int = MAX_TITLE) -> str:
+    """Return the parts of a title as lines of at most `longest` characters.
 
     A line break is between two parts. Only a part that is longer than a line is split.
     """
@@ -29,10 +29,10 @@ def in_lines(parts: Sequence[str]) -> str:
     for part in parts:
         longer = f"{lines[-1]}   {part}".strip()
         # A part that does not fit on the line begins a new line; only a longer part is wrapped inside.
-        if len(longer) > MAX_TITLE >= len(part):
+        if len(longer) > longest >= len(part):
             lines.append(part)
         else:
-            lines[-1:] = textwrap.wrap(longer, MAX_TITLE)
+            lines[-1:] = textwrap.wrap(longer, longest)
     return "\n".join(lines)
 
 

@@ -19,8 +19,11 @@ from rover_pin.view.colours import draw_heights
 
 SPACING = 0.5
 """Approximate distance between two snapshots [m]."""
-WIDTH, BAR = 10.0, 0.8
-"""Width of the figure (WIDTH), and width of the margin for the colour bar of the heights (BAR) [in]."""
+WIDTH, BAR = 7.5, 0.8
+"""Width of the figure (WIDTH), and width of the margin for the colour bar of the heights (BAR) [in]. A page of the site
+shows a figure at about 690 pixels, so that a letter of the size FONT has a height of 11 pixels there."""
+FONT, TITLE_LENGTH = 9.0, 84
+"""Size of the letters of titles and labels (FONT) [pt], and maximum number of characters in a line of the title."""
 PAPER = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 1.0}
 """Style of the background of a label on the drawing."""
 LABEL = (0.6, 0.2)
@@ -64,7 +67,7 @@ def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
     figure.subplots_adjust(hspace=0.25, right=1.0 - right / WIDTH)
     for view, panel in zip(views, axes[:, 0], strict=True):
         view.draw(panel)
-    axes[0, 0].set_title(figure_text(in_lines(title_of(trace))), fontsize=8)
+    axes[0, 0].set_title(figure_text(in_lines(title_of(trace), TITLE_LENGTH)), fontsize=FONT)
     return figure
 
 
@@ -118,10 +121,12 @@ class _SideView(_View):
         for shade, pose in zip(np.linspace(0.65, 0.0, len(self.instants)), self.instants, strict=True):
             draw_rover(axes, rover, pose.q, str(shade), self.side)
         for x, when, line in _side_labels(self.instants, self.span):
-            axes.text(x, self.top + 0.9 * _radius(rover) * line, when, ha="center", va="bottom", fontsize=8)
+            axes.text(x, self.top + 0.9 * _radius(rover) * line, when, ha="center", va="bottom", fontsize=FONT)
         self.frame(axes, ("x", "z"))
         side_name = "left" if self.side == "l" else "right"
-        axes.text(0.995, 0.03, f"{side_name} wheels", transform=axes.transAxes, ha="right", fontsize=8, color="#555555")
+        axes.text(
+            0.995, 0.03, f"{side_name} wheels", transform=axes.transAxes, ha="right", fontsize=FONT, color="#555555"
+        )
 
 
 class _AboveView(_View):
@@ -140,7 +145,7 @@ class _AboveView(_View):
         for shade, pose in zip(np.linspace(0.65, 0.0, len(self.instants)), self.instants, strict=True):
             draw_above(axes, self.model.rover, pose, str(shade))
         for (x, y), when in self._labels():
-            axes.text(x, y, when, ha="center", va="center", fontsize=8, bbox=PAPER)
+            axes.text(x, y, when, ha="center", va="center", fontsize=FONT, bbox=PAPER)
         self.frame(axes, ("x", "y"))
 
     def _labels(self) -> Iterator[tuple[np.ndarray, str]]:
@@ -207,8 +212,8 @@ def _side_labels(instants: list[Pose], span: tuple[float, float]) -> Iterator[tu
     last, line = -math.inf, 0
     for group in sorted(groups, key=lambda members: float(members[0].q[0])):
         x, end = float(np.mean([pose.q[0] for pose in group])), f"{group[-1].t:.1f} s"
-        # Two lines alternate where labels are closer than 7 % of the width.
-        line = 1 - line if abs(x - last) < 0.07 * width else 0
+        # Two lines alternate where labels are closer than 9 % of the width.
+        line = 1 - line if abs(x - last) < 0.09 * width else 0
         last = x
         yield x, end if len(group) == 1 else f"{group[0].t:.1f} to {end}", line
 
