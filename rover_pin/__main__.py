@@ -12,7 +12,7 @@ import gc  # noqa: E402
 from rover_pin.base.jobs.safe_environment import leave_folder_out  # noqa: E402
 
 SELDOM = (50_000, 20, 100)
-"""Thresholds of Python's garbage collector, with which it runs rarely: imports create many objects and discard few, and
+"""Thresholds of Python's garbage collector that make it run rarely: imports create many objects and discard few, and
 the end of the process frees all of them at once."""
 
 

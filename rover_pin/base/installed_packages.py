@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 EFFECTS, SOILS, EXPERIMENTS = "rover_pin.effects", "rover_pin.soils", "rover_pin.experiments"
-"""Names of the groups of entry points in which a package lists its effects, soils and experiments."""
+"""Names of the groups of entry points for the effects, soils and experiments of a package."""
 
 
 class Offer(NamedTuple):
@@ -39,7 +39,7 @@ class Offer(NamedTuple):
     def load(self, base: tuple[type, ...]) -> type[Any]:
         """Import the class and return it. Later exceptions in its methods are reported with their file and line.
 
-        `base` are the classes from one of which the class must derive.
+        `base` are classes; the class must derive from one of them.
 
         Raises DataError: the code of the package cannot be imported, or the entry point names something else than a
         class that derives from `base`. The message names the package.
@@ -73,7 +73,7 @@ def offers(group: str, own: tuple[str, ...]) -> dict[str, Offer]:
 
     `own` are the names that rover_pin itself has in this group.
 
-    Raises DataError: a name is one of `own`, or two packages offer the same name. The message names the packages.
+    Raises DataError: a name is one of `own`, or two packages offer one name. The message names the packages.
     """
     found: dict[str, Offer] = {}
     for offer in _offers_on(group, tuple(sys.path)):
@@ -89,7 +89,7 @@ def offers(group: str, own: tuple[str, ...]) -> dict[str, Offer]:
 
 @cache
 def _offers_on(group: str, search_path: tuple[str, ...]) -> tuple[Offer, ...]:
-    """Return what the packages on Python's search path for modules offer in a group, sorted by name."""
+    """Return the offers in a group of all packages on Python's search path for modules, sorted by name."""
     # This import takes some 20 ms, and most commands do not need it.
     from importlib.metadata import entry_points
 

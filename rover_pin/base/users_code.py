@@ -1,7 +1,7 @@
 """Wrappers that report failures of the code in a user's file, such as an effect or a controller.
 
-An exception in the user's code becomes a one-line error with the file and the line. A return value of a wrong type
-becomes such an error as well; the base class of the effect or controller declares the right type.
+An exception in the user's code becomes a one-line error with the file and the line. A return value of a wrong type also
+becomes such an error; the base class of the effect or controller declares the right type.
 """
 
 import functools
@@ -84,7 +84,7 @@ def _refuse_other_types(kind: type, file: str) -> None:
 
 
 def _guard_member(kind: type, name: str, member: Any, file: str) -> Any:
-    """Return a member of a user's class in which the function is wrapped by `_guard_method`.
+    """Return a member of a user's class with its function wrapped by `_guard_method`.
 
     The member may be a method, a property, a class method or a static method. A member of another kind is returned
     unchanged.

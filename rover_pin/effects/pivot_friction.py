@@ -39,8 +39,8 @@ class PivotFriction(BodyEffect):
     def push(self, body: Body) -> Push:
         """Return the friction torque of each suspension joint.
 
-        The torque is a positive factor that depends on the known rate at the start of the step, times the rate for
-        which the implicit step solves.
+        The torque is a positive factor that depends on the known rate at the start of the step, times the rate that the
+        implicit step solves for.
         """
         torques = []
         for known_rate, rate in zip(body.known_rates, body.rates, strict=True):

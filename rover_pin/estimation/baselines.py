@@ -24,8 +24,8 @@ def quadratic(inputs: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndar
     """Fit a polynomial of second degree by least squares to the measured `values` (n,), and return its value at m new
     points.
 
-    `inputs` (n, inputs) are the coordinates (such as slip and load) of the measured points, and `at` (m, inputs) those
-    of the new points.
+    `inputs` (n, inputs) are the coordinates (such as slip and load) of the measured points, and `at` (m, inputs) the
+    coordinates of the new points.
     """
 
     def terms(x: np.ndarray) -> np.ndarray:
@@ -38,9 +38,10 @@ def quadratic(inputs: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndar
 def gaussian_process(inputs: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Fit a Gaussian process to the measured `values` (n,), and return its mean at m new points.
 
-    `inputs` (n, inputs) are the coordinates (such as slip and load) of the measured points, and `at` (m, inputs) those
-    of the new points. The kernel is squared-exponential. Its length scales, its height and the noise maximise the
-    marginal likelihood. Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), chapter 5.
+    `inputs` (n, inputs) are the coordinates (such as slip and load) of the measured points, and `at` (m, inputs) the
+    coordinates of the new points. The kernel is squared-exponential. Its length scales, its height and the noise
+    maximise the marginal likelihood. Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006),
+    chapter 5.
     """
     # The process is fitted to standardised values, because its prior mean is 0 and its bounds are for values of order
     # 1.

@@ -46,8 +46,8 @@ class Estimate(NamedTuple):
 
     @property
     def is_as_known(self) -> bool:
-        """Whether at least half of the variance comes from the parameter's own prior: the data then add little to what
-        was known.
+        """Whether at least half of the variance comes from the parameter's own prior: the data then add little to the
+        prior knowledge.
         """
         return self.prior_shares[self.number.name] >= MAJORITY
 

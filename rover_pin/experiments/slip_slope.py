@@ -5,10 +5,8 @@ DATA is a folder with slope.toml and points.csv. Example of slope.toml::
 
     kind = "slip-slope"
     name = "our rover on dry sand"
-    rover = "rover.toml"                 # a name, or a TOML beside it
-    gravity = 9.81
-    [soil]                               # known constants: { value, unit, sd }
-    phi = { value = 34.0, unit = "deg", sd = 2.0 }
+    rover = "rover.toml" # a name, or a TOML next to it gravity = 9.81 [soil] # known constants: { value, unit, sd } phi
+    = { value = 34.0, unit = "deg", sd = 2.0 }
 
 points.csv has the columns run, slope_deg, slip and slip_sd. All points of a run are held out of a fit together.
 """

@@ -87,7 +87,7 @@ class Matching(NamedTuple):
     values: Mapping[Path, Mapping[str, np.ndarray]]
     """for each recording: channel name -> values (rows,) in SI"""
     lacks: tuple[str, ...]
-    """one sentence for each missing channel: what is missing, and what the loop cannot do without it"""
+    """one sentence for each missing channel: its name, and the limits of the loop without it"""
     unused: tuple[str, ...]
     """names of the recorded columns that no channel uses"""
     notes: tuple[str, ...]

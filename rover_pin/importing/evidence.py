@@ -29,7 +29,7 @@ NONE_FITS = math.log(0.05)
 its evidence against chance is large compared with this probability."""
 NOT_AS_NAMED = math.log(1e-4)
 """Logarithm of the prior probability that a column with a channel's own name, such as `body_pitch`, holds something
-else. Such a column is taken unless the motion of the drive contradicts it: on level ground, where the motion says
+else. Such a column is taken unless the motion of the drive contradicts it: on level ground, where the motion shows
 nothing about the pitch, the name alone decides."""
 LOG_SCALE_RANGE = 2.0 * math.log(1e4)
 """Width of the prior of the logarithm of an entirely unknown scale, which may lie anywhere between 1e-4 and 1e4."""
@@ -74,7 +74,7 @@ def sense(dot: Any, y: Any, x: Any, n: Any) -> np.ndarray:
     """Return the log Bayes factor that b is positive in the relation y = b x of two signals, compared with an unknown
     sign of b.
 
-    The arguments are those of `relation`.
+    For the arguments, see `relation`.
     """
     rho = _correlation(dot, y, x)
     factor = math.log(2.0) + log_ndtr(rho * np.sqrt(np.maximum(n, 1.0) / (1.0 - rho**2)))

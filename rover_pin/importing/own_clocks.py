@@ -19,8 +19,9 @@ from rover_pin.importing.clock import SECONDS, SINCE_1970, clock_words, is_ahead
 from rover_pin.logs.resampling import MIN_MESSAGES, on_one_clock
 
 ALTERNATION = 0.1
-"""Minimum number of places at which a column's numbers stop and empty cells begin, as a fraction of its rows, from
-which the rows of a table alternate between series. A sensor that fails leaves only a few long gaps."""
+"""Minimum number of places where a column's numbers stop and empty cells begin, as a fraction of the column's rows.
+From this number on, the rows of the table alternate between series; with fewer places, the gaps are failures of a
+sensor, which are few and long."""
 ISOLATED = 0.5
 """Minimum fraction of a column's numbers that are followed by an empty cell. From it on, the column counts as a slow
 series between the rows of faster ones."""

@@ -11,7 +11,7 @@ divided by their range, and g_j the contribution of cause j to the prediction. T
 
 - s: factor on the declared noise.
 - t: error that all samples of a fold share, for example because the sand was prepared anew.
-- d: noise that drifts over the turns (the order in which the samples were measured), if that order mixes the folds.
+- d: noise that drifts over the turns (the order of the measurements), if that order mixes the folds.
 - a: smooth discrepancy, a function of the inputs that no cause explains.
 - e: error of form: a cause's law is right in size but wrong in shape.
 - l: correlation length of a and e, in ranges of the inputs.

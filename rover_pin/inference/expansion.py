@@ -10,7 +10,8 @@ residuals. With d = u - u_0:
 
 The sums over residuals are kept for each fold (group of samples left out together), so that leaving a fold out is a
 subtraction. Source: MacKay, Neural Comput. 4 (1992) 415, for ln Z. Miller and Dunson, J. Am. Stat. Assoc. 114 (2019)
-1113, for residuals with more correlation than the noise model has, whose likelihood counts as that of fewer residuals.
+1113, for residuals with more correlation than the noise model has, whose likelihood counts as the likelihood of fewer
+residuals.
 """
 
 from __future__ import annotations

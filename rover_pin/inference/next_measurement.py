@@ -7,7 +7,7 @@ values y, whose errors have the covariance C:
 
     mean = f + K C^-1 r,  covariance = noise + K_o - K C^-1 K' + (J_o - K C^-1 J) V (J_o - K C^-1 J)'
 
-where K is the covariance between the discrepancy of the new measurement and that of the samples so far, K_o is the
+where K is the covariance between the discrepancies of the new measurement and of the samples so far, K_o is the
 covariance of the discrepancy of the new measurement, J and J_o are the slopes by u of the samples and of the new
 measurement, and V is the posterior covariance of u. If the noise was learnt from the residual, K is 0.
 

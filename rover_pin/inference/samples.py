@@ -12,18 +12,18 @@ from rover_pin.estimation.experiment import Experiment
 
 MIN_INPUT_RANGE = 1e-9
 """Minimum range of an input (a set value such as slip or load) that varies. With a smaller range, the input counts as
-constant. A constant input is left out, because nothing can be learnt as a function of it. The value is far above
+constant. A constant input is not used, because nothing can be learnt as a function of it. The value is far above
 rounding and far below every change of a setting that a user makes on purpose."""
 
 
 @brief
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """All n compared values of an experiment, channel after channel, with the properties on which the covariance of
-    their errors depends.
+    """All n compared values of an experiment, channel after channel, with the properties that determine the covariance
+    of their errors.
 
-    A fold is a group of samples that cross-validation leaves out together, such as a run. A campaign is a group of
-    folds that were measured with one set-up. A block contains the samples of one channel in one campaign.
+    A fold is a group of samples that cross-validation holds out together, such as a run. A campaign is a group of folds
+    that were measured with one set-up. A block contains the samples of one channel in one campaign.
     """
 
     value: np.ndarray

@@ -154,7 +154,7 @@ def verdict_on(
 
     If the data are insufficient, the answer is "cannot tell", and no model is fitted.
 
-    `kinds` are the classes of effects that may be missing, by default those of the package and of other installed
+    `kinds` are the classes of effects that may be missing, by default the classes of the package and of other installed
     packages. `seed` is the seed for the initial guesses of the fits and for the bootstrap.
     """
     findings = data.findings()

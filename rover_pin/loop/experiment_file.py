@@ -1,4 +1,6 @@
-"""Read an experiment defined by one class: of the package, of another installed package, or of a user's file."""
+"""Read an experiment that is defined by one class. The class belongs to the package, to another installed package, or
+to a user's file.
+"""
 
 import importlib
 import inspect
@@ -44,7 +46,7 @@ def installed_experiments() -> dict[str, type[FileExperiment]]:
 
 def experiments() -> list[Entry]:
     """Return the list of all experiments that `close-loop --experiment NAME` knows, each with its data file and with
-    the package from which it comes.
+    the package that offers it.
     """
     sources = {name: offer.source for name, offer in offered_experiments().items()}
     return [

@@ -41,7 +41,7 @@ def refuse_unfit_offered_effects() -> None:
 
 
 def _refuse_unfit(kinds: Mapping[type[AnyEffect], str]) -> None:
-    """Check that the loop can use each effect in `kinds`: class -> words for the place from which the class comes."""
+    """Check that the loop can use each effect in `kinds`: class -> words for the origin of the class."""
     rover = load_rover("nexus6")
     # The model of a common rover is enough to compute the formulas of an effect once.
     effects = base_effects(Soil(), rover, SoilTraction())

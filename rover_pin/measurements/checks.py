@@ -125,8 +125,8 @@ def definition_advice(definition: str) -> str:
     """Return the advice, for an error message, how a user declares that slips have another definition than Eq (1) of
     the paper.
 
-    `definition` is a key of FORMULAS: "over-travel-speed" or "over-rim-speed". The advice also states the formula by
-    which the slips are converted.
+    `definition` is a key of FORMULAS: "over-travel-speed" or "over-rim-speed". The advice also states the formula for
+    the conversion of the slips.
     """
     conversion = "S = 1 - 1 / (1 + s)" if definition == "over-travel-speed" else "S = 1 / (1 - s) - 1 below 0"
     return f"write slip_definition = '{definition}' in rig.toml, or give --slip-definition {definition} ({conversion})"

@@ -54,7 +54,7 @@ def level_numbers(slip: np.ndarray, names: np.ndarray | None) -> np.ndarray:
 
 class RepeatNoise(NamedTuple):
     """SD of one run, estimated from the scatter of repeated runs, with its degrees of freedom and the runs that were
-    left out.
+    dropped.
     """
 
     sd: float

@@ -158,8 +158,8 @@ class DriveEnd:
             Timing and symmetry that the caller asks for in the continuation. They must equal the model and the timing
             of this drive.
         new_state : DriveState
-            A state of the model that the caller gives for the continuation. The shapes of its arrays must equal those
-            of this drive.
+            A state of the model that the caller gives for the continuation. The shapes of its arrays must equal the
+            shapes of this drive's arrays.
 
         Raises
         ------

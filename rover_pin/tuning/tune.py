@@ -4,8 +4,8 @@ rover (the complete simulation) decide which gains are best.
 The cost as a function of the gains has several minima and cliffs, so that differential evolution searches the whole
 range first. It uses the reduced model for drives on which the slip of this model agrees with the slip of the full rover
 (`trust`). It uses the full rover for all other drives, and always if the control reads sensors or has a hole law. The
-method of Nelder and Mead then descends from the best points on the full rover, with the cost that decides in the end,
-in which fewer burials come first.
+method of Nelder and Mead then descends from the best points on the full rover, with the cost that decides in the end
+and that prefers fewer burials.
 
 The method of Nelder and Mead needs no derivatives. Derivatives of a drive would not help, because within 40 s in a
 ditch two drives diverge so fast that the derivative is useless for gains that differ by 1 %

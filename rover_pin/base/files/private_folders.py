@@ -72,7 +72,7 @@ def digest_of(parts: Iterable[str]) -> str:
 
 
 def is_cached(kind: str, digest: str) -> bool:
-    """Return whether a check has already succeeded on the same data, so that the check need not run again.
+    """Return whether a check has already succeeded on these data, so that the check need not run again.
 
     `kind` names the check, such as "urdf"; `digest` is the digest of the data from `digest_of`.
     """

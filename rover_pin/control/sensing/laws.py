@@ -21,7 +21,7 @@ FACTOR_RANGE = 2.0
 [-]. The torque factor is T / (r W), with the torque T of a wheel, its radius r and its load W."""
 MIN_LIKELIHOOD = 1e-12
 """Minimum probability density of a reading, so that no particle gets the weight 0. It is also the minimum speed [m/s]
-by which a law divides."""
+as a divisor in a law."""
 
 
 @dataclass(frozen=True)

@@ -141,8 +141,8 @@ class Scene:
 
     @cached_property
     def gains(self) -> tuple[dict[str, float], ...]:
-        """Change of each sensor's reading per change of the true channel, for each run. Delays of sensors are
-        left out.
+        """Change of each sensor's reading per change of the true channel, for each run. Delays of sensors are not
+        proposed.
         """
         sensors = self.fit.model.sensor_effects
         return tuple(_gains(sensors, replay.channels) for replay in self.replays)
@@ -211,7 +211,7 @@ def acts(scene: Scene) -> tuple[Act, ...]:
     cause.
 
     The changes are computed by simulating the runs with a small perturbation. Actions that cannot show in the runs are
-    left out: torques if the wheels follow their measured rates, and changes of duties if no current is logged.
+    not proposed: torques if the wheels follow their measured rates, and changes of duties if no current is logged.
     """
     # A duty also changes the current directly. Without a logged current, it cannot be distinguished from a torque.
     possible_acts: list[Act] = []

@@ -157,8 +157,8 @@ def _time(scene: Scene, run: int, part: Part) -> np.ndarray:
 
 
 def _place(scene: Scene, run: int, part: Part) -> np.ndarray:
-    """Return the x coordinate of the wheels of an action's part in each row of a run [m] (rows,); for all wheels, that
-    of the base.
+    """Return the x coordinate of the wheels of an action's part in each row of a run [m] (rows,); for all wheels, the x
+    coordinate of the base.
     """
     return scene.place(run, part)
 

@@ -50,7 +50,7 @@ from rover_pin.terrain.shapes import flat
 
 INACTIVE_ON_RIG = (NormalDamping, SideShear)
 """Effects of a rover's model that have no influence on a wheel that rolls straight ahead at constant speed. They are
-left out without a warning."""
+skipped without a warning."""
 
 log = logging.getLogger(__name__)
 

@@ -140,8 +140,8 @@ def effect_class(
     members : mapping
         Hooks as functions, and class variables such as `title` and `neutral`.
     content : str
-        A text that differs if the law of the effect differs. It distinguishes the class from other classes with the
-        same name, for example when a stored result is looked up by a digest of the model.
+        A text that differs if the law of the effect differs. It distinguishes the class from other classes of this
+        name, for example when a stored result is looked up by a digest of the model.
     """
     module = f"rover_pin_drafted_{hashlib.sha256(content.encode()).hexdigest()[:16]}"
     body = {**members, **quantities, "__module__": module, "__annotations__": dict.fromkeys(quantities, Scalar)}
@@ -193,8 +193,8 @@ class _TextLoader(SourceFileLoader):
 
 
 def reading_traction(effect: OneKind, present: Iterable[Any]) -> OneKind:
-    """Return an effect with the traction form and the contact angles of a model's traction law, so that both use the
-    same formulas.
+    """Return an effect with the traction form and the contact angles of a model's traction law, so that both use equal
+    formulas.
 
     Parameters
     ----------
