@@ -129,6 +129,12 @@ def quantities(record: Record | type[Record]) -> dict[str, Quantity]:
     """Return the units, sources, bounds and symbols of a record's fields: a dict from field name to `Quantity`.
 
     `record` may be a record or its class. The dict omits fields that are not made by `quantity(...)`.
+
+    Examples
+    --------
+    >>> from rover_pin import SOILS
+    >>> quantities(SOILS["table-1"])["phi"].unit
+    'rad'
     """
     kind: Any = record if isinstance(record, type) else type(record)
     return dict(_quantities_of_class(kind))
@@ -334,6 +340,12 @@ def as_table(record: Record) -> dict[str, Any]:
     `record_from`.
 
     Raises ParameterError: a field holds a CasADi expression, which has no number to write.
+
+    Examples
+    --------
+    >>> from rover_pin.rover.rover import load_rover
+    >>> as_table(load_rover("nexus6").wheels[0].wheel)
+    {'r': {'value': 0.045, 'unit': 'm'}, 'b': {'value': 0.05, 'unit': 'm'}}
     """
     table: dict[str, Any] = {}
     for name, spec in quantities(record).items():

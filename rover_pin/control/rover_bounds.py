@@ -175,6 +175,13 @@ def climbable_slope(
     slopes from -40 to 40 deg.
 
     For parameters and errors, see `rover_torque_bounds`.
+
+    Examples
+    --------
+    >>> from rover_pin import SOILS
+    >>> from rover_pin.rover.rover import load_rover
+    >>> np.degrees(climbable_slope(load_rover("nexus6"), SOILS["table-1"])).round().tolist()
+    [20.0, -7.0]
     """
     full, slipping = (_root(_spare_pull(which, rover, soil, limit, gravity)) for which in (0, 1))
     return full, slipping
@@ -308,6 +315,14 @@ def bounds_table(bounds: RoverBounds, motor: Motor | None = None) -> str:
 
     If a motor is given, the table has three more columns: the stall torque divided by each of the two bounds, and the
     duty at which the motor has the torque T_lim, the torque at the slip limit.
+
+    Examples
+    --------
+    >>> from rover_pin import SOILS
+    >>> from rover_pin.rover.rover import load_rover
+    >>> table = bounds_table(rover_torque_bounds(load_rover("cart"), SOILS["table-1"]))
+    >>> table.splitlines()[0].split()
+    ['wheel', 'W/N', 'T_lim/mNm', 'T_sat/mNm', 'pull_lim/N', 'pull_sat/N']
     """
     head = f"{'wheel':>5} {'W/N':>7} {'T_lim/mNm':>10} {'T_sat/mNm':>10} {'pull_lim/N':>11} {'pull_sat/N':>11}"
     tail = f" {'stall/T_lim':>12} {'stall/T_sat':>12} {'duty at T_lim':>14}" if motor else ""

@@ -16,6 +16,12 @@ def mean(inputs: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
 
     This is the simplest curve that a physical model has to beat. `inputs` (n, inputs) are not used; all curves are
     called with these arguments.
+
+    Examples
+    --------
+    >>> inputs, values = np.array([[0.0], [1.0], [2.0]]), np.array([0.0, 1.0, 4.0])
+    >>> mean(inputs, values, at=np.array([[3.0], [4.0]])).round(2).tolist()
+    [1.67, 1.67]
     """
     return np.full(len(at), values.mean())
 
@@ -26,6 +32,12 @@ def quadratic(inputs: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndar
 
     `inputs` (n, inputs) are the coordinates (such as slip and load) of the measured points, and `at` (m, inputs) the
     coordinates of the new points.
+
+    Examples
+    --------
+    >>> inputs, values = np.array([[0.0], [1.0], [2.0]]), np.array([0.0, 1.0, 4.0])
+    >>> quadratic(inputs, values, at=np.array([[3.0], [4.0]])).round(2).tolist()
+    [9.0, 16.0]
     """
 
     def terms(x: np.ndarray) -> np.ndarray:

@@ -40,6 +40,11 @@ def huber_weights(rows: np.ndarray) -> np.ndarray:
     """Return Huber's weight of each whitened residual (n,): 1 for an ordinary residual, and less for an outlier.
 
     The weight is 1 for a size up to HUBER_THRESHOLD, and HUBER_THRESHOLD / |residual| for a larger residual.
+
+    Examples
+    --------
+    >>> huber_weights(np.array([0.5, 10.0])).tolist()
+    [1.0, 0.4]
     """
     return np.asarray(np.minimum(1.0, HUBER_THRESHOLD / np.maximum(np.abs(rows), 1e-12)))
 
@@ -47,13 +52,24 @@ def huber_weights(rows: np.ndarray) -> np.ndarray:
 def huber_losses(rows: Any) -> np.ndarray:
     """Return Huber's loss of each whitened residual r: r^2 for |r| up to the threshold t = HUBER_THRESHOLD, and 2 t |r|
     - t^2 for a larger residual.
+
+    Examples
+    --------
+    >>> huber_losses(np.array([0.5, 1.0, 10.0])).tolist()  # the last residual is an outlier
+    [0.25, 1.0, 64.0]
     """
     size = np.abs(rows)
     return np.asarray(np.where(size > HUBER_THRESHOLD, 2 * HUBER_THRESHOLD * size - HUBER_THRESHOLD**2, size**2))
 
 
 def huber(rows: Any) -> float:
-    """Return the sum of Huber's losses of whitened residuals: a sum of squares with less weight for outliers."""
+    """Return the sum of Huber's losses of whitened residuals: a sum of squares with less weight for outliers.
+
+    Examples
+    --------
+    >>> huber(np.array([0.5, 1.0, 10.0]))
+    65.25
+    """
     return float(np.sum(huber_losses(rows)))
 
 
@@ -80,5 +96,10 @@ def null_gain(count: int) -> float:
     If no candidate acts at all, the best one exceeds this decrease with a probability of at most 1 - CONFIDENCE.
     Derivation: a candidate with two free parameters that does not act lowers chi2 by more than g with the probability
     exp(-g / 2), and Bonferroni's bound multiplies this probability by the number of candidates that were tried.
+
+    Examples
+    --------
+    >>> round(null_gain(1), 1), round(null_gain(10), 1)
+    (6.0, 10.6)
     """
     return 2 * math.log(max(count, 1) / (1 - CONFIDENCE))

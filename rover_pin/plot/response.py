@@ -24,6 +24,14 @@ def response_figure(linear: LinearModel, seconds: float = 1.0, outputs: tuple[st
         Duration of the step response [s].
     outputs : tuple of str
         Outputs of the model that are drawn.
+
+    Examples
+    --------
+    >>> from rover_pin import linear_model, scenario, trim_state
+    >>> flat = scenario("flat").model
+    >>> figure = response_figure(linear_model(flat, trim_state(flat, 0.5), 0.5))
+    >>> [panel.get_title() for panel in figure.axes]
+    ['all duties rise by 0.1', '', '']
     """
     figure, panels = new_figure(1, 3, (10.0, 3.4))
     # Frequencies from 0.01 to 100 Hz, evenly spaced on a logarithmic scale.

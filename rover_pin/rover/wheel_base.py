@@ -84,6 +84,12 @@ def effective_track(rover: Rover, resistance: float = 0.0) -> float:
 
     Source: quasi-static balance, as for skid-steered vehicles on firm ground. Simplified: shear that builds up slowly
     makes the effective track larger.
+
+    Examples
+    --------
+    >>> from rover_pin.rover.rover import load_rover
+    >>> round(effective_track(load_rover("cart")), 3)  # B + L^2 / B = 0.52 + 0.56^2 / 0.52
+    1.123
     """
     from scipy.optimize import brentq  # imported here, because a rover with steering does not need it
 

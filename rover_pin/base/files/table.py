@@ -400,6 +400,13 @@ def columns_text(values: dict[str, np.ndarray]) -> str:
 
     `values` maps column names to arrays. Each number is written with all digits that its exact value needs. A name with
     a comma or a quotation mark, such as "x, m", is quoted.
+
+    Examples
+    --------
+    >>> print(columns_text({"t_s": np.array([0.0, 0.1]), "x, m": np.array([0.0, 0.25])}), end="")
+    t_s,"x, m"
+    0.0,0.0
+    0.1,0.25
     """
     names = map(csv_cell, values)
     rows = zip(*(np.asarray(column, dtype=float).tolist() for column in values.values()), strict=True)

@@ -36,7 +36,14 @@ class Rolling(NamedTuple):
 
 
 def steers(rover: Rover) -> tuple[bool, ...]:
-    """Return for each wheel of a rover whether the wheel can steer."""
+    """Return for each wheel of a rover whether the wheel can steer.
+
+    Examples
+    --------
+    >>> from rover_pin.rover.rover import load_rover
+    >>> steers(load_rover("nexus6"))  # the wheels in the middle cannot steer
+    (True, True, False, False, True, True)
+    """
     return tuple(wheel.steer_dof is not None for wheel in rover.wheels)
 
 
@@ -49,6 +56,14 @@ def turning_places(rover: Rover, track: float = 0.0) -> np.ndarray:
     If no wheel steers, the rover turns by the speed difference of its left and right side. Then x is 0, and y is the
     mean y of the wheels on that side. If an effective `track` [m] is given, y is scaled so that the two sides are at
     this distance from each other.
+
+    Examples
+    --------
+    >>> from rover_pin.rover.rover import load_rover
+    >>> turning_places(load_rover("nexus6"))[0].round(3).tolist()  # front left
+    [0.15, 0.16]
+    >>> turning_places(load_rover("cart"), track=1.0)[0].round(3).tolist()  # no wheel steers
+    [0.0, 0.5]
     """
     places = wheel_places(rover)
     if not any(steers(rover)):
@@ -78,6 +93,12 @@ def rolling(places: Sequence[Any], steering: Sequence[bool], motion: BodyMotion)
         Whether each wheel can steer.
     motion : BodyMotion
         Motion of the body.
+
+    Examples
+    --------
+    >>> motion = BodyMotion(speed=0.1, yaw_rate=0.5)
+    >>> rolling([(0.0, 0.2), (0.0, -0.2)], [False, False], motion).speeds  # left and right in a left turn
+    [0.0, 0.2]
     """
     speeds, angles = [], []
     for (x, y), steered in zip(places, steering, strict=True):

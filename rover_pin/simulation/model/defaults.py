@@ -83,6 +83,14 @@ def usual_angles(rover: Rover, name: str = "") -> FixedAngles | SinkageAngles:
     """Return the contact angles with this name, "fixed" or "sinkage". Without a name, return the usual angles of the
     rover: fixed angles for wheels of the paper's size, because the paper states them, and angles that follow the
     sinkage for all other wheels.
+
+    Examples
+    --------
+    >>> from rover_pin.rover.rover import load_rover
+    >>> type(usual_angles(load_rover("nexus6"))).__name__  # wheels of the paper's size
+    'FixedAngles'
+    >>> type(usual_angles(load_rover("cart"))).__name__
+    'SinkageAngles'
     """
     return ANGLES.get(name) or ANGLES["fixed" if has_papers_wheel(rover) else "sinkage"]
 
