@@ -179,6 +179,14 @@ def _public_names() -> dict[str, dict[str, str]]:
     return {room: dict(sorted(rooms[room].items())) for room in sorted(rooms)}
 
 
+def _first_sentence(thing: Any) -> str:
+    """Return the first sentence of the docstring of a class or function; constants and types have no docstring."""
+    if not (inspect.isclass(thing) or inspect.isfunction(thing)):
+        return "a constant or a type"
+    paragraph = " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
+    return re.split(r"\.(?:\s|$)", paragraph)[0]
+
+
 def _api() -> dict[str, str]:
     """Return the pages of the Python reference: a table of all names, and one page for each room of the package."""
     rows = ["| Name | Imported from | What it is |", "| --- | --- | --- |"]
@@ -190,8 +198,7 @@ def _api() -> dict[str, str]:
         for path, source in names.items():
             module, _, name = path.rpartition(".")
             thing = getattr(importlib.import_module(module), name)
-            first = catalogue.first_line(thing) if inspect.isclass(thing) or inspect.isfunction(thing) else "a table"
-            rows.append(f"| [`{name}`](api/{room}.md#{path}) | `{source}` | {_plain(first)} |")
+            rows.append(f"| [`{name}`](api/{room}.md#{path}) | `{source}` | {_plain(_first_sentence(thing))} |")
     introduction = (
         "# Python\n\nThe names that `rover_pin` itself has are loaded on first use. All other names are imported from "
         "their own modules, as [the examples](python.md) show. Each room of the package has its page. The search field "
