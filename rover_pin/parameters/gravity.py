@@ -51,6 +51,7 @@ def gravity_from(entry: Any, where: str) -> float:
         gravity = to_si(value, str(unit), "m/s^2", f"{where}: 'gravity'") if is_number else 0.0
     except ParameterError as error:
         raise DataError(str(error)) from error
+    # A rover has no contact without gravity, and 100 m/s^2 is four times the gravity of Jupiter.
     if not 0.0 < gravity < 100.0:
         raise DataError(
             f"{where}: gravity = {entry!r} must be a number in (0, 100) m/s^2, or a table {{ value, unit }}."

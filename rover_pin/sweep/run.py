@@ -120,6 +120,7 @@ def sweep(
         store = Store(place, fingerprint(study, case_function))
         before = store.keys()
         pending = [case for case in study.cases() if case.key not in before]
+        # An unknown name would fail in every case, so it is reported before the first.
         if pending and case_function is drive_case:
             check_names(study, pending)
         work = partial(run_case, study, case_function)
@@ -216,6 +217,7 @@ def on_cores(work: Callable[[Case], Row], cases: Sequence[Case], workers: int | 
     _check_sendable(work)
     jobs = [(case,) for case in cases]
     rows = on_processes(work, jobs, -1 if workers is None else workers, return_as="generator_unordered")
+    # The first item is None and shows that the processes have started.
     next(rows)
     try:
         for row in rows:  # noqa: UP028  `yield from` would close the generator before the handler below does
@@ -242,6 +244,7 @@ def on_cluster(work: Callable[[Case], Row], cases: Sequence[Case], address: str)
         _check_sendable(work)
         from distributed import KilledWorker, as_completed
 
+        # With pure=False, Dask runs each case anew instead of returning a result that it holds from an earlier sweep.
         case_of = dict(zip(client.map(work, cases, pure=False), cases, strict=True))
         for future, result in as_completed(list(case_of), loop=client.loop, with_results=True, raise_errors=False):
             case = case_of.pop(future)

@@ -103,6 +103,7 @@ class Study:
 
     def __post_init__(self) -> None:
         # The checks follow the fields: pairs, scenario, name, times and counts.
+        # Each entry of `paired` lists parameters that change together, row by row.
         rows = (list, tuple)
         lists = isinstance(self.paired, rows) and all(isinstance(names, rows) for names in self.paired)
         if not lists or not all(isinstance(name, str) for names in self.paired for name in names):
@@ -118,6 +119,7 @@ class Study:
                 f"name = {self.name!r} is not allowed, because it also names a folder: "
                 "use letters, digits, '-', '_' and '.'."
             )
+        # Times in seconds, and whole numbers with their minimum.
         for name, unit in (("duration", "s"), ("dt", "s")):
             value = getattr(self, name)
             if value is not None and (kind_of(value) != "number" or value <= 0.0):

@@ -82,15 +82,16 @@ def on_processes(
 ) -> Generator[Any, None, None]:
     """Run jobs on worker processes of this machine. Yield None when the processes have started, then each job's result.
 
-    The results, `function(*job)`, come in the order of the jobs. `options` are passed to `joblib.Parallel`. Each
-    process has one thread and a limited part of the machine's memory, and imports no module from the working directory.
+    The results, `function(*job)`, come in the order of the jobs, unless `options`, which are passed to
+    `joblib.Parallel`, ask for another order. Each process has one thread and a limited part of the machine's memory,
+    and imports no module from the working directory.
 
     Raises SimulationError: a process died, or needs more memory than its limit.
     """
     from joblib import Parallel, delayed, effective_n_jobs, parallel_config
     from joblib.externals.loky.process_executor import BrokenProcessPool
 
-    # More processes than jobs would have nothing to do.
+    # Processes beyond the numbers of jobs and of cores would have nothing to do.
     count = min(effective_n_jobs(workers), max(len(jobs), effective_n_jobs(-1)))
     with parallel_config(backend="loky", inner_max_num_threads=1):
         parallel = Parallel(n_jobs=count, **options)

@@ -105,6 +105,7 @@ def _wheels(rover: Rover, model: pin.Model) -> dict[str, Any]:
     # The degrees of freedom above each wheel are the columns of its Jacobian that are not zero.
     columns = [supporting_dofs(model, wheel.joint) for wheel in rover.wheels]
     most = max(map(len, columns))
+    # The arrays of the C code have fixed sizes, so that larger rovers are refused here.
     if model.nv > MAX_DOF or most > MAX_COLS:
         raise ParameterError(
             f"The rover has too many joints: it has {model.nv} degrees of freedom, {most} of which move one wheel, but "
@@ -186,6 +187,7 @@ def _springs(rover: Rover, strength: float, pushed: bool) -> dict[str, Any]:
     q_of = {joint.idx_v: joint.idx_q for joint in model.joints}
     # Servos act on the steering, end stops on the suspension.
     servos = [wheel.steer_dof for wheel in rover.wheels if wheel.steer_dof is not None]
+    # Both kinds of springs pull a joint to an angle: a servo to its target, a stop back within the limits of the URDF.
     stops, places = suspension_dofs(rover), suspension_places(rover)
     limits = [(model.lowerPositionLimit[place], model.upperPositionLimit[place]) for place in places]
     # Body effects push the base and the joints of the suspension, which are also those with stops.
@@ -235,6 +237,7 @@ def terrain_fields(terrain: Terrain, radius: float) -> dict[str, Any]:
     radius : float
         Radius of the largest wheel [m]. The amount of memory for facets and contact patches follows from it.
     """
+    # Lanes of ground: the profiles are joined end to end, and `_starts` gives the index at which each profile begins.
     if isinstance(terrain, Lanes):
         lines = [line_of(profile) for profile in terrain.profiles]
         # A profile of N points has N - 1 pieces. Normals and soils get one entry more, a copy of the last, so that all
@@ -255,6 +258,7 @@ def terrain_fields(terrain: Terrain, radius: float) -> dict[str, Any]:
         crowds = [line.crowd(WHEEL_LENGTH * radius) for line in lines]
     else:
         assert isinstance(terrain, HeightGrid)
+        # A grid of heights: the C code finds the cell under a point by a product with the reciprocal spacing.
         fields = {
             "grid_nx": terrain.z.shape[0],
             "grid_ny": terrain.z.shape[1],

@@ -285,6 +285,7 @@ def library() -> ctypes.CDLL:
     handle.rover_pin_set_down.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
     handle.rover_pin_sizes.argtypes = [ctypes.c_void_p]
     handle.rover_pin_sizes.restype = None
+    # Structs of unequal sizes would make the C code read and write the wrong memory.
     assert step_layout(handle).drive == ctypes.sizeof(DriveStruct), (
         "the compiler and ctypes lay out the struct Drive differently"
     )

@@ -120,6 +120,7 @@ def law(name: str, inputs: Sequence[ca.SX], out: ca.SX) -> ca.Function:
     }
     # CasADi itself would report a free symbol by its name only, without the reason.
     function = ca.Function(name, inputs, [out], {"allow_free": True})
+    # A constant such as 1 / 0 does not appear as a symbol; it is found among the function's instructions.
     constants = (
         function.instruction_constant(k)
         for k in range(function.n_instructions())
@@ -230,6 +231,7 @@ def motor_law(motor: Motor, effects: Sequence[MotorEffect]) -> ca.Function:
             return []
         return [ca.vec(ca.densify(ca.jacobian(values, variables)))]
 
+    # The column of outputs, in the order in which the C code reads it.
     blocks = [
         torque,
         *derivatives(torque, omega),

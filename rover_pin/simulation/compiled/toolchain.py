@@ -164,6 +164,7 @@ def _compile_sources(command: list[str], sources: Mapping[str, str], place: Path
     for name, source in sources.items():
         (place / name).write_text(source, encoding="utf-8")
     files = [str(place / name) for name in sources if name.endswith(".c")]
+    # If the flags for vector functions were given but do not work, the plain command is tried too.
     tried = [[*FLAGS, *fast, "-o", str(library), *files, "-lmvec"], [*FLAGS, "-o", str(library), *files]]
     for arguments in tried if fast else tried[1:]:
         run = subprocess.run(
@@ -172,6 +173,7 @@ def _compile_sources(command: list[str], sources: Mapping[str, str], place: Path
         )  # fmt: skip
         if run.returncode == 0:
             break
+    # A full disk is an error of its own, because another compiler would not help.
     if run.returncode and DISK_FULL in run.stderr:
         raise OSError(errno.ENOSPC, DISK_FULL)
     if run.returncode:

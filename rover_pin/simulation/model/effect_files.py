@@ -62,11 +62,13 @@ def offered_effects() -> dict[type[AnyEffect], Offer]:
     classes: dict[type[AnyEffect], Offer] = {}
     for name, offer in offers(EFFECTS, tuple(kind.__name__ for kind in package_effects())).items():
         kind = offer.load(BASES)
+        # Scenarios name an effect by its class, so that the entry point must use this name.
         if kind.__name__ != name:
             raise DataError(
                 f"The installed package {offer.source} offers the effect {kind.__name__} under the name '{name}'; in "
                 f"its entry point, the name must be {kind.__name__}."
             )
+        # An error in the class is reported now, with the package, its file and line.
         try:
             kind()
         except BaseException as error:
@@ -168,6 +170,7 @@ def run_file(file: Path) -> ModuleType:
     # Each path gets its own module name, so that two files with the same name do not replace each other.
     name = f"rover_pin_user_effect_{file.stem}_{hashlib.sha256(path.encode()).hexdigest()[:8]}"
     loader = _TextLoader(name, path)
+    # The module is registered before it runs, and removed again if it fails, so that no half of it remains.
     module = ModuleType(name)
     module.__file__ = path
     sys.modules[name] = module  # a dataclass looks its module up while it is created

@@ -135,6 +135,7 @@ def effect_of(word: str, model: Model, kinds: Mapping[str, type[AnyEffect]] | No
     owners = [field for field in OWNERS if field in texts and hasattr(effect, field)]
     for field in owners:
         effect = effect.replace(**{field: _owner(word, texts.pop(field), getattr(effect, field), model.rover)})
+    # An effect that the model already has is changed; otherwise, the new effect with its defaults is.
     effect = next((present for present in model.all_effects if same_place(present, effect)), effect)
     values = dict(_value(word, effect, field, text) for field, text in texts.items())
     try:

@@ -46,6 +46,7 @@ def balance_warning(trace: Trace) -> str:
         return ""
     largest = max(float(np.ptp(values)) for name, values in trace.channels.items() if name.startswith("energy_"))
     weight = float(np.mean(np.sum(trace.stack("normal"), axis=1)))
+    # Energies are compared with the work of lifting the rover by one wheel radius.
     error = trace.energy_error()
     # At rest the energies are round-off, whose balance means nothing.
     if error <= MAX_ENERGY_ERROR or largest <= MIN_ENERGY * weight * float(np.min(trace.attrs["wheel_radii_m"])):
@@ -74,6 +75,7 @@ def stops_note(model: Model, trace: Trace) -> str:
         past = np.maximum(angle - high, low - angle)
         row = int(np.nanargmax(past)) if np.any(np.isfinite(past)) else 0
         if past[row] > MIN_YIELD:
+            # The stop on the side to which the joint has moved is the one that yielded.
             stop = high if angle[row] > high else low
             notes.append(
                 f"{name} {math.degrees(past[row]):.2g} deg past its stop at {math.degrees(stop):.3g} deg "

@@ -89,8 +89,10 @@ def drive_outcome(trace: Trace) -> DriveOutcome | None:
       than a fifth of the wheels' path.
     """
     needed = [f"{name}_{wheel}" for name in ("wheel_rate", "travel", "duty") for wheel in trace.wheels]
+    # Nothing can be said about a trace without these channels.
     if not {*needed, "body_x", "body_y", "energy_motor", "energy_electric"} <= trace.channels.keys():
         return None
+    # A drive that ended early has its own reason, which is the outcome.
     if str(trace.attrs.get("stop", "duration")) != "duration":
         return DriveOutcome("ended", float(trace.t[-1]), f"{trace.attrs['stop']}, {_place(trace)}")
     if len(trace.t) < 2 or not trace.wheels or not np.all(radii_of(trace) > 0.0):
@@ -299,6 +301,7 @@ def _driving(trace: Trace, paths: WheelPaths) -> DriveOutcome:
     """Return the outcome of a drive without any other outcome: "driving" or "creeping" if the rover moves on or turns
     on the spot, "slid back" if it slowly moves against its duty.
     """
+    # The rover creeps if it travelled, at the end of the drive, less than half as far as its rims turned.
     ratio = _travel_ratio(paths)
     last = float(ratio[-1]) if ratio.size else 1.0
     kind, verb = ("driving", "drives on") if last >= 0.5 else ("creeping", "creeps on")
@@ -310,6 +313,7 @@ def _driving(trace: Trace, paths: WheelPaths) -> DriveOutcome:
     if on_the_spot and _turn_text(trace):
         turn = math.degrees(float(trace["body_yaw"][-1] - trace["body_yaw"][begin]))
         rate = turn / float(paths.t[-1] - paths.t[begin])
+        # Without a yaw rate, the drive is described like a straight one below.
         if rate:
             sense, slipping = "left" if rate > 0.0 else "right", "" if kind == "driving" else ", its wheels slip much"
             text = f"turns {sense} on the spot at {abs(rate):.2g} deg/s{slipping}, {place}"
