@@ -1,34 +1,35 @@
-"""Beyond the paper: does a controller that knows only what is on board rescue more drives than the slip control?
+"""Beyond the paper: does a controller with on-board sensors only rescue more drives than the paper's slip control?
 
 Question
-    Section 5 feeds back a slip that Eq 9 estimates from the duty, and reads a loaded, spinning wheel as gripping. Is
-    there a controller on wheel rates, currents, suspension angles and attitude alone that gets out of more ditches and
-    up more slopes than both constant duty and the paper's law, on soils that lose strength past the peak as well?
+    Section 5 feeds back a slip that Eq 9 estimates from the duty, and Eq 9 reads a loaded, spinning wheel as a wheel
+    that grips. Is there a controller that uses only wheel rates, currents, suspension angles and attitude, and that
+    gets out of more ditches and up more slopes than constant duty and than the paper's law, also on soils that lose
+    strength past the peak?
 Method
-    Tacking (`tacking.py`): where the bogies fold, turn by an angle and cross one wheel at a time. Its angle,
-    radius and alert are tuned by differential evolution on the full rover over a training ensemble, at the duty 0.55 of
-    the paper; then 36 held-out drives of 100 s, drawn from another seed: ditches with walls of 30 to 65 deg, inclines
-    of 6 to 18 deg, k from 3 to 32 mm, half of them with 5 to 40 % strength lost past the peak. A ditch is passed when
-    the base comes 0.25 m behind its far lip, an incline when it comes 1 m up.
-    For what no straight control passes: the steepest grade by max F(S) for inclines, and for ditches duty profiles of
-    every axle (three stretches, forwards and backwards, up to full duty) that know the whole ground, found by
-    differential evolution.
+    Tacking (`tacking.py`): where the bogies fold, the rover turns by an angle and crosses with one wheel at a time.
+    Differential evolution tunes the angle, the radius and the alert on the full rover over a training ensemble, at the
+    paper's duty of 0.55. The comparison uses 36 held-out drives of 100 s from another seed: ditches with walls of 30 to
+    65 deg, inclines of 6 to 18 deg, k from 3 to 32 mm, half of them with 5 to 40 % strength lost past the peak. A ditch
+    is passed when the base is 0.25 m behind its far lip, an incline when the base is 1 m up the slope.
+    For the drives that no straight control passes, a bound is computed. For inclines the bound is the steepest grade by
+    max F(S). For ditches the bound is the best duty profile for every axle (three segments, forwards and backwards, up
+    to full duty) with the whole ground known, found by differential evolution.
 Result
-    Tacking (heading 37 deg, radius 0.63 m, alert 6.0 deg; its defaults are an earlier run's) passes 12 of the 24
-    held-out ditches; constant duty 4 at 0.55 and 3 at 1, the paper's law by Eq 9 4 with hand-set and 6 with tuned
-    gains, by the true slip none. At duty 0.55 throughout, as the paper has it: 8 wins, 0 losses, 28 ties against
-    constant 0.55 and against Eq 9, 6/0/30 against Eq 9 tuned; against constant 1 it wins 9 ditches and loses 3 inclines
-    that want more duty. With full duty while climbing it passes 11 ditches: 8/0/28 against constant 1, 10/0/26 against
-    constant 0.55 and Eq 9.
-    Inclines: constant duty passes 4 of 12 at 0.55 and 7 at 1, Eq 9 4, the true slip none; the other 5 are steeper than
-    any straight duty can climb (max F less the resistance). Of the 18 ditches that no straight control passes, no
-    profile of axle duties found passes one either (20 tried each: the best found, no proof); tacking passes 6. The 8
-    drives with different outcomes end within 1 mm of the same place at half the step.
+    Tacking (heading 37 deg, radius 0.63 m, alert 6.0 deg; its defaults are those of an earlier run) passes 12 of the 24
+    held-out ditches. Constant duty passes 4 at 0.55 and 3 at 1. The paper's law passes 4 with Eq 9 and hand-set gains,
+    6 with tuned gains, and none with the true slip. At duty 0.55 throughout, as in the paper, tacking has 8 wins, 0
+    losses, 28 ties against constant 0.55 and against Eq 9, and 6/0/30 against Eq 9 tuned. Against constant 1 tacking
+    wins 9 ditches and loses 3 inclines that need more duty. With full duty while climbing tacking passes 11 ditches:
+    8/0/28 against constant 1, 10/0/26 against constant 0.55 and Eq 9.
+    Inclines: constant duty passes 4 of 12 at 0.55 and 7 at 1, Eq 9 passes 4, the true slip none. The other 5 are
+    steeper than any straight duty can climb (max F minus the resistance). Of the 18 ditches that no straight control
+    passes, no profile of axle duties passes one either (20 tried each, so the best one found is no proof). Tacking
+    passes 6 of them. The 8 drives with different outcomes end within 1 mm of the same place at half the step.
 What the paper says
     "The proposed slip control ... was successfully demonstrated to traverse over a ditch, which was not done without".
 What differs
-    Here it is not the slip that rescues. Thrust never gains by less slip but in the narrow window past a peak, which
-    Eq 9 does not see; geometry gains more. The paper's rover could steer but its test drove straight.
+    The slip is not what rescues a drive here. Thrust gains from less slip only in the narrow window past a peak, which
+    Eq 9 does not see. Geometry gains more. The paper's rover could steer, but its test drove straight.
 
 Run: python studies/beyond_the_paper.py [--quick] [--out DIR]
 """
@@ -63,11 +64,11 @@ from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.study import DriveCase, SlipLaw
 
 TRAINING, HELD_OUT, BOUND = 50.0, 100.0, 60.0
-"""Durations [s]: a rover that crawls at a wall gets its time."""
+"""Durations of training, held-out and bound drives [s]. They are long, so that a rover that crawls has time."""
 GOAL = {"ditch": 0.95, "incline": 1.5}
-"""Where the base must come [m]: 0.25 m behind the ditch, 1 m up the incline."""
+"""Position of the base that counts as a pass [m]: 0.25 m behind the ditch, 1 m up the incline."""
 COST = Cost(sinkage=0.0)
-"""Nothing digs here."""
+"""Cost without a sinkage term, because no wheel digs in these drives."""
 BOUNDS = {
     "heading": (math.radians(10), math.radians(60)),
     "radius": (0.4, 1.5),
@@ -76,7 +77,7 @@ BOUNDS = {
 OWN = ("tacking", "tacking, full duty")
 CONTROLS = ("constant 0.55", "constant 1", "paper, Eq 9", "paper, Eq 9, tuned", "paper, true slip", *OWN)
 TUNED = Gains(S_d=0.8558, k_p=0.03928, k_i=0.2037)
-"""What tuning for Eq 9 found on ditches, slopes and a bump in which nothing dug."""
+"""Gains for Eq 9 from a tuning on ditches, slopes and a bump in which no wheel dug."""
 LOOKS = {
     (True, True): ("tacking and constant 0.55 pass", "o", 0),
     (True, False): ("tacking only", "*", 2),
@@ -84,11 +85,11 @@ LOOKS = {
     (False, False): ("neither", "x", 3),
 }
 STRETCHES = 3
-"""Duties of an axle in an open-loop profile."""
+"""Number of duties of one axle in an open-loop profile."""
 
 
 def main() -> None:
-    """Tune, compare, bound, write and print."""
+    """Tune tacking, compare the controls, compute the bounds, and write and print the results."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a few drives and hardly any search: shows that it runs")
     parser.add_argument("--out", type=Path, default=Path("out/beyond_the_paper"))
@@ -100,6 +101,7 @@ def main() -> None:
     law = tuned(evaluations, training, *((5, 0) if options.quick else (8, 2)))
     results = compared(evaluations, held_out, law)
     plot.write_csv(results, options.out / "held_out.csv")
+    # Bounds are needed only for the drives that every straight control fails.
     straight = results[~results.control.isin(OWN)].groupby("drive").passed.any()
     lost = [case for case in held_out if not straight[case.name]]
     bounds = bounded(evaluations, lost, *((5, 0) if options.quick else (10, 1)))
@@ -110,17 +112,19 @@ def main() -> None:
 
 
 def said(stage: str, done: int, total: int) -> None:
+    """Print the end of a stage."""
     if done == total:
         print(f"{stage}: {done}", flush=True)
 
 
 def drive(case: DriveCase, controller: Any, symmetric: bool = False) -> Trace:
+    """Return the trace of a drive under a controller."""
     scene = build(case)
     return simulate(scene.model, controller, scene.duration, scene.start, scene.timing, symmetric=symmetric)
 
 
 def controller(case: DriveCase, name: str, law: Tacking) -> Any:
-    """Return a controller of CONTROLS."""
+    """Return a new controller for a name of CONTROLS."""
     if name.startswith("constant"):
         return ConstantDuty(float(name.split()[1]))
     if name.startswith("tacking"):
@@ -130,7 +134,7 @@ def controller(case: DriveCase, name: str, law: Tacking) -> Any:
 
 
 def judged(case: DriveCase, name: str, law: Tacking) -> list[float]:
-    """Return Score, x at the end, and when the goal was reached (nan: never)."""
+    """Return the Score, the final x [m], and the time at which the goal was reached [s] (NaN: never)."""
     trace = drive(case, controller(case, name, law), symmetric=not name.startswith("tacking"))
     score = score_trace(trace, build(case).model, build(case).duration)
     there = trace.t[trace["body_x"] > GOAL[case.scenario]]
@@ -138,61 +142,63 @@ def judged(case: DriveCase, name: str, law: Tacking) -> list[float]:
 
 
 def tuned(evaluations: Evaluations, training: tuple[DriveCase, ...], population: int, generations: int) -> Tacking:
-    """Return the best law of differential evolution on the full rover."""
+    """Return the best tacking law of differential evolution on the full rover."""
 
     def law_at(place: np.ndarray) -> Tacking:
+        """Return the law at a point of the search space."""
         return Tacking(**{name: float(value) for name, value in zip(BOUNDS, place, strict=True)})
 
     def costs(places: np.ndarray) -> np.ndarray:
+        """Return the mean cost over the training drives for each point (columns of `places`)."""
         jobs = [(case, "tacking", law_at(place)) for place in places.T for case in training]
-        found, size = evaluations.run("tuning on the full rover", judged, jobs), len(Score._fields)
-        scores = [Score(*each[:size]).cost(COST) for each in found]
+        result, size = evaluations.run("tuning on the full rover", judged, jobs), len(Score._fields)
+        scores = [Score(*values[:size]).cost(COST) for values in result]
         return np.mean(np.reshape(scores, (places.shape[1], -1)), axis=1)
 
     low, high = np.array(list(BOUNDS.values())).T
     first = low + (high - low) * np.random.default_rng(3).random((population, len(low)))
-    found = differential_evolution(
+    result = differential_evolution(
         costs, list(BOUNDS.values()), init=first, maxiter=generations, tol=0.0, polish=False,
         updating="deferred", vectorized=True, seed=3,
     )  # fmt: skip
-    return law_at(found.x)
+    return law_at(result.x)
 
 
 def compared(evaluations: Evaluations, cases: tuple[DriveCase, ...], law: Tacking) -> pd.DataFrame:
-    """Return a row for every held-out drive under every control."""
+    """Return the table of every held-out drive under every control."""
     jobs = [(case, name, law) for name in CONTROLS for case in cases]
-    found = evaluations.run("held-out drives", judged, jobs)
-    rows = [(case.name, case.scenario, name, *each) for (case, name, _), each in zip(jobs, found, strict=True)]
+    outcomes = evaluations.run("held-out drives", judged, jobs)
+    rows = [(case.name, case.scenario, name, *values) for (case, name, _), values in zip(jobs, outcomes, strict=True)]
     columns = ["drive", "kind", "control", *Score._fields, "end_x", "goal_s"]
     table = pd.DataFrame(rows, columns=columns)
     return table.assign(passed=table.end_x > table.kind.map(GOAL))
 
 
 class Profile:
-    """Duties of the axles over the drive, decided beforehand: rows are axles, columns equal stretches of time."""
+    """A fixed schedule of duties: rows are axles, columns are time segments of equal length."""
 
     def __init__(self, duties: tuple[float, ...]):
         self.duties = np.reshape(duties, (3, STRETCHES))
 
     def __call__(self, reading: Reading) -> Command:
-        """Return the command."""
+        """Return the command of the current segment."""
         now = min(int(STRETCHES * reading.t / BOUND), STRETCHES - 1)
         return Command(np.repeat(self.duties[:, now], 2))
 
 
 def farthest(case: DriveCase, duties: tuple[float, ...]) -> list[float]:
-    """Return how far the base comes under a profile."""
+    """Return the maximum x of the base [m] under a profile, as a list of one number."""
     return [float(np.max(drive(case, Profile(duties), symmetric=True)["body_x"]))]
 
 
 def bounded(evaluations: Evaluations, cases: list[DriveCase], population: int, generations: int) -> pd.DataFrame:
-    """Return for each drive what the best straight drive with the whole ground known can do."""
+    """Return, for each drive, the best result of a straight drive with the whole ground known."""
     rows = []
     for case in cases:
         if case.scenario == "incline":
             grade = steepest(case)
-            asked = dict(case.settings)["terrain.angle_deg"]
-            rows.append((case.name, "steepest grade by max F [deg]", grade, grade > asked))
+            angle = dict(case.settings)["terrain.angle_deg"]
+            rows.append((case.name, "steepest grade by max F [deg]", grade, grade > angle))
         else:
             best = best_profile(evaluations, case, population, generations)
             rows.append((case.name, "farthest x of any profile tried [m]", best, best > GOAL["ditch"]))
@@ -200,14 +206,16 @@ def bounded(evaluations: Evaluations, cases: list[DriveCase], population: int, g
 
 
 def steepest(case: DriveCase) -> float:
-    """Return the grade [deg] beyond which no duty goes 1 m in time: all wheels at the peak of F, less resistance."""
+    """Return the grade [deg] beyond which no duty climbs 1 m in time, with all wheels at the peak of F."""
     model = build(case).model
     law = model.effect(SoilTraction)
     S = np.linspace(0.0, 1.0, 201)
     F = np.array([float(load_traction_factor(s, model.soils[0], model.rover.wheel, law.form, law.angles)) for s in S])
+    # Strength that is lost past the peak lowers F at high slip.
     if case.post_peak:
         past = model.effect(PostPeak)
         F = F * (1.0 - np.array([float(past.lost_share(s)) for s in S]))
+    # The resistance at the slowest speed that still covers 1 m in the time of the drive.
     resistance = model.effect(MotionResistance)
     slowest = 1.0 / HELD_OUT
     held_back = float(resistance.R) * slowest / math.hypot(slowest, float(resistance.fading(slowest)))
@@ -215,25 +223,26 @@ def steepest(case: DriveCase) -> float:
 
 
 def best_profile(evaluations: Evaluations, case: DriveCase, population: int, generations: int) -> float:
-    """Return the farthest x [m] of open-loop duties, found with the whole ground known."""
+    """Return the maximum x [m] of open-loop duties found with the whole ground known."""
     size = 3 * STRETCHES
     case = dataclasses.replace(case, settings=tuple(sorted({**dict(case.settings), "duration": BOUND}.items())))
     first = np.random.default_rng(4).uniform(-1.0, 1.0, (population, size))
+    # Two of the first profiles are constant duty, so that the result is never worse than constant duty.
     first[0], first[1] = 1.0, 0.55
 
     def short(places: np.ndarray) -> np.ndarray:
         jobs = [(case, tuple(map(float, place))) for place in places.T]
         return -np.array(evaluations.run("open-loop bounds", farthest, jobs))[:, 0]
 
-    found = differential_evolution(
+    result = differential_evolution(
         short, [(-1.0, 1.0)] * size, init=first, maxiter=generations, tol=0.0, polish=False,
         updating="deferred", vectorized=True, seed=4,
     )  # fmt: skip
-    return -float(found.fun)
+    return -float(result.fun)
 
 
 def report(results: pd.DataFrame, law: Tacking, bounds: pd.DataFrame) -> str:
-    """Return passes, wins, losses and ties."""
+    """Return the report: passes, wins, losses and ties."""
     passed = results.pivot(index="drive", columns="control", values="passed")
     kinds = results.drop_duplicates("drive").set_index("drive").kind
     degrees = [math.degrees(law.heading), math.degrees(law.alert)]
@@ -245,10 +254,11 @@ def report(results: pd.DataFrame, law: Tacking, bounds: pd.DataFrame) -> str:
         ]
         cost = results[results.control == name].eval("1 * (1 - progress) + 0.3 * slip + 0.1 * energy + stuck").mean()
         lines.append(f"{name:20s} passes {', '.join(counts)}; mean cost {cost:.3f}")
+    # Tacking is compared with every other control, drive by drive.
     for mine in OWN:
-        for other in CONTROLS[: -len(OWN)]:
-            wins, losses = int((passed[mine] & ~passed[other]).sum()), int((passed[other] & ~passed[mine]).sum())
-            lines.append(f"{mine} against {other}: {wins} wins, {losses} losses, {len(passed) - wins - losses} ties")
+        for rival in CONTROLS[: -len(OWN)]:
+            wins, losses = int((passed[mine] & ~passed[rival]).sum()), int((passed[rival] & ~passed[mine]).sum())
+            lines.append(f"{mine} against {rival}: {wins} wins, {losses} losses, {len(passed) - wins - losses} ties")
     room = int(bounds.passable.sum()) if len(bounds) else 0
     rescued = int(passed.loc[bounds.drive, "tacking"].sum())
     lines.append(f"no straight control passes {len(bounds)}: a bound leaves room for {room}, tacking passes {rescued}")
@@ -256,9 +266,9 @@ def report(results: pd.DataFrame, law: Tacking, bounds: pd.DataFrame) -> str:
 
 
 def outcomes(axis: Any, kind: str, cases: tuple[DriveCase, ...], passed: pd.DataFrame) -> None:
-    """Draw who passes which drives of a kind, over k and the angle of the ground."""
+    """Draw which controls pass which drives of one kind, over k and the angle of the ground."""
     spots: dict[tuple[bool, bool], list[tuple[float, float]]] = {pair: [] for pair in LOOKS}
-    for case in (each for each in cases if each.scenario == kind):
+    for case in (candidate for candidate in cases if candidate.scenario == kind):
         angle = next(float(value) for name, value in case.settings if name.endswith("angle_deg"))
         pair = bool(passed.loc[case.name, "tacking"]), bool(passed.loc[case.name, "constant 0.55"])
         spots[pair].append((1e3 * dict(case.settings)["soil.k"], angle))
@@ -271,24 +281,24 @@ def outcomes(axis: Any, kind: str, cases: tuple[DriveCase, ...], passed: pd.Data
 
 
 def figure(results: pd.DataFrame, cases: tuple[DriveCase, ...], law: Tacking, out: Path) -> None:
-    """Draw who passes what, and one rescued drive beside the same without control."""
+    """Draw the passed drives of each kind, and one rescued drive with and without tacking."""
     sheet, axes = plot.new_figure(1, 3, size=(15.0, 4.6))
     passed = results.pivot(index="drive", columns="control", values="passed")
     for axis, kind in zip(axes, GOAL, strict=False):
         outcomes(axis, kind, cases, passed)
     won = [case for case in cases if passed.loc[case.name, "tacking"] and not passed.loc[case.name, "constant 0.55"]]
-    shown = (won or list(cases))[0]
+    example = (won or list(cases))[0]
     for name, colour in zip(
         ("constant 0.55", "paper, Eq 9", "tacking"), ("grey", plot.COLOURS[1], plot.COLOURS[2]), strict=True
     ):
-        trace = drive(shown, controller(shown, name, law), symmetric=name != "tacking")
+        trace = drive(example, controller(example, name, law), symmetric=name != "tacking")
         axes[2].plot(trace.t, trace["body_x"], color=colour, label=name)
         if name == "tacking":
             right = axes[2].twinx()
             right.plot(trace.t, np.degrees(trace["body_yaw"]), color=colour, ls=":")
             right.set_ylabel("yaw of tacking [deg] (dotted)")
-    axes[2].axhline(GOAL[shown.scenario], color="black", lw=0.6)
-    axes[2].set(xlabel="t [s]", ylabel="x of the base [m]", title=shown.name)
+    axes[2].axhline(GOAL[example.scenario], color="black", lw=0.6)
+    axes[2].set(xlabel="t [s]", ylabel="x of the base [m]", title=example.name)
     axes[2].legend(fontsize=8)
     plot.save(sheet, out / "beyond_the_paper.png")
 

@@ -1,23 +1,24 @@
 """Blind test of the loop on a function of time: a pendulum on a servo, with one hidden law or none.
 
 Question
-    How often does the loop on `experiments/pendulum.py` name what a bench hides, and what it does not?
+    How often does the loop on `experiments/pendulum.py` name the hidden law of a bench, and how often a law that is not
+    there?
 Method
-    Sets from a generator that shares no code with the package (tests/oracle/pendulum_generator.py: Heun's rule at 0.2
-    ms, harder laws, teeth with damping). Per set the voltages, the size and shape of the law, and the true numbers are
-    drawn, evenly: torque constant, resistance, lever and inertia within 10 % of the declared ones (priors 4 %), rotor
-    within 20 %, stiffness 0.7 to 1.4 times (priors 20 %). The loop sees bench.toml and runs.csv only. A law is
-    detectable where the base model leaves more than the noise by
-    its declared SD. The seeds from REPORTED on were run once; 1 to 18, 73001 to 73006 and 74001 to 74030 were trials,
-    75001 to 75030 the run before.
+    The sets come from a generator that shares no code with the package (tests/oracle/pendulum_generator.py: Heun's
+    method at 0.2 ms, stiffer laws, gear teeth with damping). For each set the voltages, the size and shape of the law,
+    and the true numbers are drawn uniformly: torque constant, resistance, lever and inertia within 10 % of the declared
+    values (priors 4 %), rotor within 20 %, stiffness 0.7 to 1.4 times (priors 20 %). The loop reads bench.toml and
+    runs.csv only. A law is detectable if the residual of the base model exceeds the noise by its declared SD. The seeds
+    from REPORTED on were run once; 1 to 18, 73001 to 73006 and 74001 to 74030 were trials, 75001 to 75030 the run
+    before.
 Result
-    20 of 20 detectable laws are named alone; 0 of 10 sets with nothing hidden are named; 19 of 20 intervals hold (one
-    of Stribeck does not). 1 to 9 s of CPU a set. The run before had the same but 17 intervals; since then what is left
-    besides is weighed with the noise and the strays as they are with it.
+    20 of 20 detectable laws are named alone; 0 of 10 sets with nothing hidden get a name; 19 of 20 intervals contain
+    the truth (one of Stribeck does not). A set takes 1 to 9 s of CPU. The run before had the same counts except 17
+    intervals. Since then the remaining discrepancy is weighed together with noise and outliers.
 What the paper says
-    Nothing: it has no pendulum.
+    The paper has no pendulum.
 What differs
-    Every hidden law is of the list, and noise is white and of its declared size, but for the encoder's steps.
+    Every hidden law is on the list, and the noise is white and of its declared size, except for the encoder's steps.
 
 Run: python studies/blind_pendulum.py [--quick] [--out DIR]
 """
@@ -43,7 +44,7 @@ HEADER = ("seed", "hidden", "size", "detectable", "answer", "named", "set", "int
 
 
 def generator() -> ModuleType:
-    """Return the generator of the tests, which is no package."""
+    """Return the generator of the tests as a module. It is imported by path, because tests are no package."""
     spec = importlib.util.spec_from_file_location("pendulum_generator", ROOT / "tests/oracle/pendulum_generator.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -51,13 +52,13 @@ def generator() -> ModuleType:
 
 
 def interval_holds(verdict: Verdict, law: str, size: float) -> str:
-    """Return whether the interval of a named law's size holds the true one; empty where it has none."""
+    """Return whether the interval of a named law's size contains the true size; empty if the law has no interval."""
     numbers = [number for number in verdict.after.numbers if number.name.startswith(f"{law}.")]
     return str(numbers[0].low <= size <= numbers[0].high) if numbers else ""
 
 
 def answered(make: ModuleType, seed: int, law: str) -> tuple:
-    """Return the row of a set: what it hides, and what the loop answers of it."""
+    """Return the row of a set: its hidden law, and the answer of the loop."""
     begun = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         hidden = make.write(Path(folder), law, seed)
@@ -71,18 +72,18 @@ def answered(make: ModuleType, seed: int, law: str) -> tuple:
 
 
 def counts(rows: list[tuple]) -> str:
-    """Return what was named and what not, as a table."""
+    """Return the counts of right and wrong answers as a Markdown table."""
     of_law = [row for row in rows if row[1] != "none" and row[3]]
     nulls = [row for row in rows if row[1] == "none"]
     alone = sum(row[4] == "named" and row[5] == row[1] for row in of_law)
     in_set = sum(row[4] == "set" and row[1] in row[6].split(" or ") for row in of_law)
     alarms = sum(bool(row[5]) for row in nulls)
-    held = [row[7] == "True" for row in of_law if row[5] == row[1]]
+    contains = [row[7] == "True" for row in of_law if row[5] == row[1]]
     table = [
         ("detectable sets with a hidden law", len(of_law)),
         ("named alone", alone),
         ("in the stated set", in_set),
-        ("intervals that hold the truth, of sets whose first is right", f"{sum(held)} of {len(held)}"),
+        ("intervals that hold the truth, of sets whose first is right", f"{sum(contains)} of {len(contains)}"),
         ("sets with nothing hidden", len(nulls)),
         ("of these named or like something", alarms),
         ("mean CPU of a set [s]", f"{sum(float(row[9]) for row in rows) / len(rows):.1f}"),
@@ -91,7 +92,7 @@ def counts(rows: list[tuple]) -> str:
 
 
 def main() -> None:
-    """Close the loop on every set, and write and print what came out."""
+    """Close the loop on every set, and write and print the answers and the counts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="one set of two laws and one of none, on other seeds")
     parser.add_argument("--out", type=Path, default=ROOT / "studies" / "results")

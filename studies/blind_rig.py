@@ -1,28 +1,30 @@
-"""Blind test of the loop on wheel-rig sets: hidden effects, pairs, nothing, and effects that are on no list.
+"""Blind test of the loop on wheel-rig sets with hidden effects, pairs of effects, nothing hidden, or unlisted effects.
 
 Question
-    How often does `close_the_loop` name what is missing, and how often does it name what is not?
+    How often does `close_the_loop` name the missing effect, and how often does it name an effect that is not active?
 Method
-    Sets from a generator that shares no code with the package (tests/oracle/rig_generator.py: own quadrature, own root
-    finder, each effect written down once more). Per set soil, effect and size are drawn at random, sizes over a factor
-    of ten down to what drowns in the noise; half of the sets state a wrong soil. 54 runs a set: 9 slips from -0.3 to
-    0.85, 3 loads, 2 travel speeds, in random order. The loop sees rig.toml and points.csv only. Held-out losses are of
-    14 fresh runs at other slips and loads. Limits were set on the seeds from CALIBRATION on (433 sets); the
-    result is of those from REPORTED on. What is answered is kept in OUT: a run that was stopped goes on where it was.
+    The sets come from a generator that shares no code with the package (tests/oracle/rig_generator.py: own quadrature,
+    own root finder, each effect implemented a second time). Soil, effect and size are drawn at random for each set.
+    Sizes span a factor of ten, down to sizes below the noise. Half of the sets declare a wrong soil. A set has 54 runs:
+    9 slips from -0.3 to 0.85, 3 loads, 2 travel speeds, in random order. The loop reads rig.toml and points.csv only.
+    Held-out losses are those of 14 fresh runs at other slips and loads. Limits of the loop were set on the seeds from
+    CALIBRATION on (433 sets). The result is that of the seeds from REPORTED on. Answers are stored in OUT, so that an
+    interrupted run continues.
 Result
     614 sets: docs/validation.md counts them, with every miss; studies/results/blind_rig.csv has each. The seeds from
     92001 on were run once (e379594a), those from 91001 on at 77d2d760 and again, with the same answers, at 03f98634. Of
-    162 detectable single effects 123 are named alone (60 of 82, then 63 of 80), 157 named or in the set (78, then 79);
-    the data cannot tell 4. Of 42 pairs all, of 98 by another law 91. Two alarms in 160 with nothing hidden, no wrong
-    name alone, 9 of 56 on no list get names, 8 with more that acts; 217 of 224 intervals hold.
+    162 detectable single effects 123 are named alone (60 of 82, then 63 of 80) and 157 are named or in the set (78,
+    then 79); the data cannot distinguish 4. All 42 pairs and 91 of 98 effects of another law are right. There are two
+    false alarms in 160 sets with nothing hidden and no wrong name alone. Of 56 unlisted effects, 9 get a name, 8 of
+    them together with a report of a further effect. 217 of 224 intervals contain the true size.
 What the paper says
-    Nothing: it compares by eye.
+    The paper compares curves by eye.
 What differs
-    Detectable is what has 3 nats of evidence more than none, of two each beside the other, by the loop's own fits: the
-    shares tell how little is lost after that, not how small an effect may be. Interface friction is never detectable:
-    phi takes it. Half of the null sets and a quarter of the others have noise that is not white or not of the stated
-    size. Effects that a straight steady rig on fresh sand cannot show (multi-pass, damping, side shear, places, wheel
-    size) are not hidden.
+    An effect is detectable if its evidence exceeds that of no effect by 3 nats (for pairs: each of the two next to the
+    other), by the loop's own fits. The shares therefore show the losses after detection, not the smallest detectable
+    size. Interface friction is never detectable, because phi absorbs it. Half of the null sets and a quarter of the
+    others have noise that is not white or not of the declared size. Effects that a straight steady rig on fresh sand
+    cannot show (multi-pass, damping, side shear, places, wheel size) are not hidden.
 
 Run: python studies/blind_rig.py [--quick] [--every N] [--calibrate] [--workers N] [--out DIR]
 """
@@ -60,12 +62,14 @@ from rover_pin.simulation.model.effect_files import known_effects
 GENERATOR = Path(__file__).parents[1] / "tests" / "oracle" / "rig_generator.py"
 
 CALIBRATION, REPORTED = 10_000, (91_000, 92_000)
-"""First seeds: of the sets on which limits were set, and of those that are reported; of the former search 71_000 at
-commit b0f411a and 81_000 at 1e0fd52."""
+"""First seeds of the calibration sets, on which limits were set, and of the reported sets.
+
+The seeds of the former search were 71_000 at commit b0f411a and 81_000 at 1e0fd52.
+"""
 
 
 class Listed(NamedTuple):
-    """An effect of the package as the generator calls it, and the range of its size, drawn on a logarithmic scale."""
+    """A listed effect by its name in the generator, with the range of its size, drawn on a logarithmic scale."""
 
     hidden: str
     parameter: str
@@ -90,7 +94,7 @@ LISTED = {
     "Ploughing": Listed("ploughing", "a_b", 0.15, 1.5),
     "LugExcavation": Listed("lug_trench", "h_l", 0.0005, 0.005),
 }
-"""What a straight steady rig on fresh sand can show; multi-pass, damping and side shear move nothing there."""
+"""Effects that a steady, straight rig on fresh sand shows (not so multi-pass, damping and side shear)."""
 
 DIGS = ("SlipSinkage", "SlipSoftening", "DiggingMemory", "LugExcavation")
 OTHER_LAWS = {
@@ -104,10 +108,12 @@ OTHER_LAWS = {
     "early_peak": (0.1, 1.0, ("PeakStress",)),
     "stiff_layer": (0.15, 1.5, ("LoadExponent",)),
 }
-"""Causes of the list by laws that are not the package's, the range of their sizes, and the effects that are right:
-sinkage by Lyasko's (1 + S) / (1 - S / 2); stiffness that falls with |S|; a hole that levels off; strength lost with the
-shear displacement of each point; rate as a power; drag that grows with speed; exit with the root of slip; a peak that
-lies and moves otherwise; an exponent that rises with depth and levels off."""
+"""Listed causes that follow other laws than the package's: range of sizes, and the listed effects that are right.
+
+In order: sinkage by Lyasko's (1 + S) / (1 - S / 2); stiffness that falls with |S|; a hole that levels off; strength
+lost with the shear displacement of each point; a power law of the rate; drag that grows with speed; an exit angle with
+the root of slip; a stress peak at another position; an exponent that rises with depth and levels off.
+"""
 
 OFF_LIST = {
     "slip_squared_drag": (0.03, 0.15),
@@ -118,13 +124,17 @@ OFF_LIST = {
     "sensor_wave": (0.0006, 0.003),
     "second_day": (0.06, 0.4),
 }
-"""Drag with slip squared; sinkage that waves with slip; a load cell whose gain drifts from run to run; one whose offset
-hangs on the load; a bin's floor that is felt from a depth on; a sinkage sensor that waves; sand stiffer on day two."""
+"""Unlisted effects and the ranges of their sizes.
+
+In order: drag with slip squared; sinkage that oscillates with slip; a load cell whose gain drifts from run to run; a
+load cell whose offset depends on the load; a bin floor that acts beyond a depth; a sinkage sensor that oscillates; sand
+that is stiffer on the second day.
+"""
 
 COUNTS = {Kind.SINGLE: 7, Kind.PAIR: 24, Kind.NULL: 80, Kind.OFF_LIST: 5, Kind.OTHER_LAW: 7}
-"""Sets: of each listed effect, of pairs, of nothing, of each effect on no list, of each other law."""
+"""Number of sets for each listed effect, of pairs, of nothing, for each unlisted effect, and for each other law."""
 UNKIND, ELSE_UNKIND = {Kind.NULL: 0.5}, 0.25
-"""Share of sets whose noise is not white and as stated; of other kinds ELSE_UNKIND."""
+"""Share of sets whose noise is not white or not of the declared size; ELSE_UNKIND for the other kinds."""
 
 SLIPS = (-0.3, -0.15, 0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85)
 FRESH = {"loads": (20.0, 32.0), "slips": (-0.1, 0.05, 0.15, 0.28, 0.42, 0.6, 0.78), "repeats": 1, "speeds": (0.03,)}
@@ -132,7 +142,7 @@ WRONG = {"n": 1.0, "c": 0.0, "phi": 0.6, "k": 0.02}
 
 
 class Hidden(NamedTuple):
-    """What is to be hidden: names of listed effects, or of one that is on no list or has another law."""
+    """The cause to hide: names of listed effects, or one unlisted effect or other law, with seed and kind of noise."""
 
     kind: Kind
     hidden: tuple[str, ...]
@@ -141,11 +151,12 @@ class Hidden(NamedTuple):
 
     @property
     def truth(self) -> tuple[str, ...]:
-        """What it is right to answer; of another law any of these."""
+        """Return the right answer. For another law, any of the returned names is right."""
         return OTHER_LAWS[self.hidden[0]][2] if self.kind is Kind.OTHER_LAW else self.hidden
 
 
 def main() -> None:
+    """Make every set, close the loop on it, and publish the scores."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="four sets")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="every Nth set alone, a sample of all kinds")
@@ -162,7 +173,7 @@ def main() -> None:
 
 
 def plan(first: int) -> list[Hidden]:
-    """Return all sets of a test, seeds counted on from `first`."""
+    """Return all sets of a test. Seeds are numbered from `first` + 1."""
     rng = np.random.default_rng(first)
     truths: list[tuple[Kind, tuple[str, ...]]] = []
     truths += [(Kind.SINGLE, (name,)) for name in LISTED for _ in range(COUNTS[Kind.SINGLE])]
@@ -179,6 +190,7 @@ def plan(first: int) -> list[Hidden]:
 
 
 def generator() -> ModuleType:
+    """Return the generator of the tests as a module. It is imported by path, because tests are no package."""
     spec = importlib.util.spec_from_file_location("rig_generator", GENERATOR)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -186,16 +198,18 @@ def generator() -> ModuleType:
 
 
 def case_of(hidden: Hidden) -> Case:
-    """Make a set, let the loop answer, and only then look at what was hidden."""
+    """Generate a set, close the loop on it, and then compare the answer with the hidden truth."""
     make, rng = generator(), np.random.default_rng(hidden.seed)
     sizes = drawn_sizes(hidden, rng)
     rig = make.Rig(sizes=sizes or {"none": 0.0}, **drawn_soil(rng))
+    # A mixed set has its runs in random order, so that drifts do not coincide with slip.
     runs = make.rig_set(rig, slips=SLIPS, speeds=(0.02, 0.04), seed=hidden.seed, mixed=True, noise=hidden.noise)
     with tempfile.TemporaryDirectory() as folder:
+        # The loop reads the folder only; the hidden sizes are used after the verdict.
         make.write(Path(folder), rig, runs, WRONG if hidden.seed % 2 else None)
         verdict = close_the_loop(Path(folder))
         oracle, gain = oracle_of(Path(folder), hidden)
-        seen = exceeds_noise(Path(folder)) if hidden.kind is Kind.OFF_LIST else gain > CLEAR
+        detectable = exceeds_noise(Path(folder)) if hidden.kind is Kind.OFF_LIST else gain > CLEAR
     fresh = make.rig_set(rig, seed=hidden.seed + 500_000, **FRESH)
     return Case(
         f"{' + '.join(hidden.hidden) or 'nothing'}, {hidden.noise}, {hidden.seed}",
@@ -203,7 +217,7 @@ def case_of(hidden: Hidden) -> Case:
         hidden.truth,
         verdict.answer,
         alike_of(verdict),
-        seen,
+        detectable,
         fitted_sizes(hidden, sizes, verdict),
         error_of(verdict.before.model, fresh, make.SD),
         error_of(verdict.model, fresh, make.SD),
@@ -214,16 +228,18 @@ def case_of(hidden: Hidden) -> Case:
 
 
 def drawn_sizes(hidden: Hidden, rng: np.random.Generator) -> dict[str, float]:
+    """Return the generator's sizes of the hidden cause, drawn on a logarithmic scale."""
     if hidden.kind in (Kind.OFF_LIST, Kind.OTHER_LAW):
         low, high, *_ = {**OFF_LIST, **OTHER_LAWS}[hidden.hidden[0]]
         return {hidden.hidden[0]: float(np.exp(rng.uniform(np.log(low), np.log(high))))}
     listed = [LISTED[name] for name in hidden.truth]
     # each of two is drawn from the upper half: a pair of which one drowns is a single
     share = rng.uniform(0.5 if len(listed) == 2 else 0.0, 1.0, len(listed))
-    return {one.hidden: float(one.low * (one.high / one.low) ** s) for one, s in zip(listed, share, strict=True)}
+    return {spec.hidden: float(spec.low * (spec.high / spec.low) ** s) for spec, s in zip(listed, share, strict=True)}
 
 
 def drawn_soil(rng: np.random.Generator) -> dict[str, float]:
+    """Return the generator's soil, drawn uniformly (K and k on a logarithmic scale)."""
     draw = rng.uniform(size=6)
     return {
         "n": 0.8 + 0.5 * draw[0],
@@ -236,53 +252,60 @@ def drawn_soil(rng: np.random.Generator) -> dict[str, float]:
 
 
 def oracle_of(folder: Path, hidden: Hidden) -> tuple[RigModel | None, float]:
-    """Return the true effects as fitted, of another law the most probable of those that are right; and their evidence.
+    """Return the fitted model of the true effects and their gain in evidence [nats].
 
-    The evidence is in nats more than that of the best without one of them, each set leaving noise alone.
+    For another law, the most probable of the right effects is fitted. The gain is measured against the best set that
+    lacks one of the true effects, when each set is fitted with the noise alone.
     """
     if hidden.kind in (Kind.NULL, Kind.OFF_LIST):
         return None, -math.inf
     explorer = explorer_of(asked(folder), lambda said: None)
     causes = {cause.name: cause for cause in explorer.causes}
+    # For a pair both effects are needed; for another law any single right effect will do.
     ways = [hidden.truth] if hidden.kind is Kind.PAIR else [(name,) for name in hidden.truth]
     ways = [names for names in ways if explorer.fit([causes[name] for name in names])]
     if not ways:
         return None, -math.inf
-    evidence = {names: found[0].log_evidence for names, found in explorer.fitted.items()}
+    evidence = {names: estimates[0].log_evidence for names, estimates in explorer.fitted.items()}
     best = max(ways, key=lambda names: evidence[frozenset(names)])
     without = max(evidence.get(frozenset(best) - {name}, -math.inf) for name in best)
     return explorer.beliefs().best(best).fit.model, evidence[frozenset(best)] - without
 
 
 def asked(folder: Path) -> Question:
+    """Return the question of the loop for one set, as `close_the_loop` asks it."""
     data = read_rig_set(folder)
     return RigData(RigExperiment((data,)), RigModel(data.wheel, data.soil())).question(known_effects())
 
 
 def exceeds_noise(folder: Path) -> bool:
-    """Return whether the base model leaves more than the declared noise."""
+    """Return whether the residual of the base model exceeds the declared noise."""
     question = asked(folder)
     return not is_adequate(calibrated(question.experiment, question.model, question.numbers))
 
 
 def fitted_sizes(hidden: Hidden, sizes: dict[str, float], verdict: Verdict) -> tuple[Size, ...]:
-    own = hidden.kind in (Kind.SINGLE, Kind.PAIR)
-    if not own or {type(effect).__name__ for effect in verdict.effects} != set(hidden.truth):
+    """Return fitted and true sizes if the answer names exactly the hidden effects, else an empty tuple."""
+    is_listed = hidden.kind in (Kind.SINGLE, Kind.PAIR)
+    if not is_listed or {type(effect).__name__ for effect in verdict.effects} != set(hidden.truth):
         return ()
-    found = {one.name: one for one in verdict.after.numbers}
-    made = []
+    by_name = {number.name: number for number in verdict.after.numbers}
+    pairs = []
     for name in hidden.truth:
-        one = found[f"{name}.{LISTED[name].parameter}"]
-        made.append(Size(one.name, sizes[LISTED[name].hidden], one.value, one.low, one.high))
-    return tuple(made)
+        number = by_name[f"{name}.{LISTED[name].parameter}"]
+        pairs.append(Size(number.name, sizes[LISTED[name].hidden], number.value, number.low, number.high))
+    return tuple(pairs)
 
 
 def error_of(model: RigModel, runs: dict[str, np.ndarray], sd: tuple[float, ...]) -> float:
-    """Return the robust loss on runs that were not fitted; 1 is the noise."""
+    """Return the Huber loss on runs that were not fitted, in units of the noise (1)."""
     speeds = np.column_stack([runs["travel_speed_mps"], runs["rim_speed_mps"]])
-    found = model.predict(runs["load_N"], runs["slip"], speeds)
+    predicted = model.predict(runs["load_N"], runs["slip"], speeds)
     measured = (runs["drawbar_pull_N"], runs["torque_Nm"], runs["sinkage_m"])
-    rows = [(own - seen) / one for own, seen, one in zip(found[: len(measured)], measured, sd, strict=True)]
+    rows = [
+        (values - observed) / scale
+        for values, observed, scale in zip(predicted[: len(measured)], measured, sd, strict=True)
+    ]
     return float(np.mean(huber_losses(np.array(rows))))
 
 

@@ -1,18 +1,22 @@
-"""Scores of a blind test: what was hidden against what was answered, counted with 95 % Wilson intervals.
+"""Score a blind test: compare the hidden effects with the answers, and count the outcomes with 95 % Wilson intervals.
 
 Question
-    How often is a hidden effect named, named within a set, missed, or taken for another? How often is something named
-    where nothing was hidden? How good are the sizes, and the predictions on runs that were not fitted?
+    How often does an answer name the hidden effect alone, include the effect in a set, miss it, or name another effect?
+    How often does an answer name an effect where none was hidden? How accurate are the fitted sizes and the predictions
+    on runs that were not fitted?
 Method
-    Plain records, one a set, made by `blind_rig.py` (and by any other blind test), which says what of it counts as
-    detectable: what is smaller cannot be found by anyone. Probabilities are of sets of listed effects or of nothing.
+    The input is one plain record for each set, from `blind_rig.py` or another blind test. The blind test also states
+    which sets are detectable: no method can find a smaller effect. Probabilities are those of sets of listed effects
+    and of the empty set.
 Result
-    Run alone, it scores nine made-up records, to show the tables; the results stand in the blind tests.
+    This script alone scores nine invented records to show the tables. The results of the project are those of the blind
+    tests.
 What the paper says
-    Nothing: it compares by eye and traces no effect.
+    The paper compares curves by eye and identifies no effect.
 What differs
-    An answer is right where the true effect stands in the stated set, alone or with others. Sizes are scored where the
-    first answer is the truth. A pair of which one alone is named is neither right nor wrong.
+    An answer is right if the stated set contains the true effect, alone or with others. Sizes are scored only where the
+    first answer is the true one. If an answer names only one effect of a hidden pair, the answer counts neither as
+    right nor as wrong.
 
 Run: python studies/blind_score.py [--quick] [--out DIR]
 """
@@ -37,7 +41,7 @@ from rover_pin.discrepancy.answer import Answer
 
 
 class Kind(Enum):
-    """What was hidden in a set."""
+    """The kind of cause that was hidden in a set."""
 
     SINGLE = "one effect"
     PAIR = "two effects"
@@ -47,7 +51,7 @@ class Kind(Enum):
 
 
 class Outcome(Enum):
-    """What an answer is worth."""
+    """The score of an answer."""
 
     RIGHT = "named"
     IN_SET = "in the set"
@@ -61,7 +65,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True)
 class Size:
-    """A fitted size of a hidden effect with its 95 % interval, and the true one."""
+    """The fitted size of a hidden effect with its 95 % interval, and the true size."""
 
     name: str
     true: float
@@ -71,61 +75,63 @@ class Size:
 
     @property
     def covered(self) -> bool:
-        """Whether the interval holds the truth."""
+        """Return whether the 95 % interval contains the true size."""
         return self.low <= self.true <= self.high
 
     @property
     def error(self) -> float:
-        """|fitted / true - 1|."""
+        """Return the relative error |fitted / true - 1|."""
         return abs(self.fitted / self.true - 1)
 
 
 @dataclass(frozen=True)
 class Case:
-    """One set of a blind test; names of effects are those of their classes."""
+    """One set of a blind test. An effect's name is the name of its class."""
 
     label: str
     kind: Kind
     truth: tuple[str, ...]
-    "names of the hidden effects; of another law any that is right; for what is on no list, a name for the table"
+    """Names of the hidden effects. For another law: every name that is right. For an effect on no list: a label."""
     answer: Answer
     alike: tuple[tuple[str, ...], ...]
-    "the answered candidates, each the names of its effects"
+    """The candidates in the answer, each given by the names of its effects."""
     detectable: bool
     sizes: tuple[Size, ...] = ()
     before: float = math.nan
-    "loss on runs that were not fitted: base model, model with the answer, model with the true effect refitted"
+    """Held-out loss of the base model, of the model with the answer, and of the model with the true effect refitted."""
     after: float = math.nan
     oracle: float = math.nan
     inclusion: dict[str, float] = field(default_factory=dict)
-    "probability of each effect that may act, and of the true ones"
+    """Probability of each effect that may be active, and of each true effect."""
     acts_besides: bool = False
-    "whether something else is said to act, whatever is named"
+    """Whether the answer reports a further, unknown effect next to the named ones."""
 
     @property
     def told(self) -> bool:
-        """Whether anything was named, alone, in a set or as what it is like."""
+        """Return whether the answer names anything: alone, in a set, or as the nearest listed effect."""
         return self.answer in (Answer.NAMED, Answer.SET, Answer.LIKE)
 
     @property
     def outcome(self) -> Outcome:
-        """What the answer is worth."""
+        """Return the score of the answer."""
         if not self.told:
             return Outcome.UNKNOWN if self.answer is Answer.NONE_FITS else Outcome.SILENT
-        truth, answers = set(self.truth), [set(one) for one in self.alike]
+        truth, answers = set(self.truth), [set(candidate) for candidate in self.alike]
+        # Nothing on the list is right here, so every named effect is wrong unless the set includes "nothing".
         names_none = self.kind in (Kind.NULL, Kind.OFF_LIST)
-        if names_none or not any(truth & one for one in answers):
+        if names_none or not any(truth & candidate for candidate in answers):
             return Outcome.OPEN if names_none and {"nothing"} in answers else Outcome.WRONG
+        # Several listed effects are right for a cause that follows another law; an answer may name any of them.
         if self.kind is Kind.OTHER_LAW:
-            right = any(one <= truth for one in answers)
+            right = any(candidate <= truth for candidate in answers)
             return Outcome.EXTRA if not right else Outcome.RIGHT if len(answers) == 1 else Outcome.IN_SET
         if truth in answers:
             return Outcome.RIGHT if len(answers) == 1 else Outcome.IN_SET
-        return Outcome.PART if any(one < truth for one in answers) else Outcome.EXTRA
+        return Outcome.PART if any(candidate < truth for candidate in answers) else Outcome.EXTRA
 
 
 class Row(NamedTuple):
-    """A share of cases with its 95 % Wilson interval, and what was aimed at."""
+    """A share of cases (count of total), and the target share."""
 
     what: str
     count: int
@@ -134,7 +140,7 @@ class Row(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The share and its interval in percent."""
+        """Return the share and its 95 % interval in percent, or "-" if there are no cases."""
         if not self.of:
             return "-"
         low, high = wilson(self.count, self.of)
@@ -142,23 +148,25 @@ class Row(NamedTuple):
 
 
 def wilson(count: int, of: int) -> tuple[float, float]:
-    """Return the 95 % Wilson interval of a share; of > 0."""
+    """Return the 95 % Wilson interval of the share count / of, for of > 0."""
     low, high = binomtest(count, of).proportion_ci(method="wilson")
     return float(low), float(high)
 
 
 def shares(cases: Sequence[Case]) -> list[Row]:
-    """Return the shares that a blind test is judged by."""
+    """Return the shares that summarise a blind test."""
+    # Cases by kind, first the detectable ones and then the others.
     parts = {
-        kind: [[case for case in cases if case.kind is kind and case.detectable is one] for one in (True, False)]
+        kind: [[case for case in cases if case.kind is kind and case.detectable is item] for item in (True, False)]
         for kind in Kind
     }
-    (seen, unseen), (both, apart) = parts[Kind.SINGLE], parts[Kind.PAIR]
+    (detectable, undetectable), (both, single_of_pair) = parts[Kind.SINGLE], parts[Kind.PAIR]
     (off, quiet), (other, faint), (_, null) = parts[Kind.OFF_LIST], parts[Kind.OTHER_LAW], parts[Kind.NULL]
-    pairs = both + apart
-    answered = [case for case in seen if case.told and math.isfinite(case.oracle)]
+    pairs = both + single_of_pair
+    answered = [case for case in detectable if case.told and math.isfinite(case.oracle)]
+    # Effects on no list: `off` exceeds the noise and `quiet` does not.
     sizes = [size for case in cases for size in case.sizes]
-    false_alone = sum(one.answer is Answer.NAMED and one.outcome in (Outcome.WRONG, Outcome.EXTRA) for one in cases)
+    false_alone = sum(item.answer is Answer.NAMED and item.outcome in (Outcome.WRONG, Outcome.EXTRA) for item in cases)
 
     def row(what: str, group: Sequence[Case], *wanted: Outcome, aim: str = "") -> Row:
         return Row(what, sum(case.outcome in wanted for case in group), len(group), aim)
@@ -168,13 +176,13 @@ def shares(cases: Sequence[Case]) -> list[Row]:
 
     right = (Outcome.RIGHT, Outcome.IN_SET)
     return [
-        Row("one effect: detectable", len(seen), len(seen + unseen)),
-        row("detectable: named alone", seen, Outcome.RIGHT),
-        row("detectable: named, or in the stated set", seen, *right, aim=">= 97 %"),
-        row("detectable: named with a second that is not there", seen, Outcome.EXTRA),
-        row("detectable: wrong name", seen, Outcome.WRONG, aim="<= 2 %"),
-        row("detectable: missed", seen, Outcome.SILENT, Outcome.UNKNOWN),
-        row("too small to detect: wrong name", unseen, Outcome.WRONG, Outcome.EXTRA),
+        Row("one effect: detectable", len(detectable), len(detectable + undetectable)),
+        row("detectable: named alone", detectable, Outcome.RIGHT),
+        row("detectable: named, or in the stated set", detectable, *right, aim=">= 97 %"),
+        row("detectable: named with a second that is not there", detectable, Outcome.EXTRA),
+        row("detectable: wrong name", detectable, Outcome.WRONG, aim="<= 2 %"),
+        row("detectable: missed", detectable, Outcome.SILENT, Outcome.UNKNOWN),
+        row("too small to detect: wrong name", undetectable, Outcome.WRONG, Outcome.EXTRA),
         Row("two effects: both detectable", len(both), len(pairs)),
         row("both detectable: pair named, or in the set", both, *right),
         row("both detectable: one of the two", both, Outcome.PART),
@@ -200,33 +208,36 @@ _better: Callable[[Case], bool] = lambda case: case.after < case.before  # noqa:
 
 
 def quality(cases: Sequence[Case]) -> pd.DataFrame:
-    """Return, for each true effect, how far sizes and held-out losses are off: medians and 90th percentiles."""
+    """Return, for each true effect, the errors of sizes and held-out losses: medians and 90th percentiles."""
     rows = []
-    seen = [case for case in cases if case.detectable and case.kind in (Kind.SINGLE, Kind.PAIR)]
-    for name in sorted({name for case in seen for name in case.truth}):
-        own = [case for case in seen if name in case.truth]
-        error = [size.error for case in own for size in case.sizes if size.name.startswith(f"{name}.")]
-        rows.append([name, len(own), *_spread(error), *_spread([case.after / case.oracle for case in own])])
-    single = [case for case in seen if case.kind is Kind.SINGLE]
-    error = [size.error for case in seen for size in case.sizes]
-    rows.append(["all", len(seen), *_spread(error), *_spread([case.after / case.oracle for case in single])])
+    detectable = [case for case in cases if case.detectable and case.kind in (Kind.SINGLE, Kind.PAIR)]
+    for name in sorted({name for case in detectable for name in case.truth}):
+        matching = [case for case in detectable if name in case.truth]
+        error = [size.error for case in matching for size in case.sizes if size.name.startswith(f"{name}.")]
+        rows.append([name, len(matching), *_spread(error), *_spread([case.after / case.oracle for case in matching])])
+    single = [case for case in detectable if case.kind is Kind.SINGLE]
+    error = [size.error for case in detectable for size in case.sizes]
+    rows.append(["all", len(detectable), *_spread(error), *_spread([case.after / case.oracle for case in single])])
     names = ["effect", "detectable", "size_error_median", "size_error_90", "loss_to_oracle_median", "loss_to_oracle_90"]
     return pd.DataFrame(rows, columns=names)
 
 
 def _spread(values: Sequence[float]) -> tuple[float, float]:
-    known = [value for value in values if math.isfinite(value)]
-    return (float(np.median(known)), float(np.quantile(known, 0.9))) if known else (math.nan, math.nan)
+    """Return median and 90th percentile of the finite values; NaN if there are none."""
+    finite = [value for value in values if math.isfinite(value)]
+    return (float(np.median(finite)), float(np.quantile(finite, 0.9))) if finite else (math.nan, math.nan)
 
 
 def recovered(cases: Sequence[Case]) -> float:
     """Return the median of (before - after) / (before - oracle) over the detectable single effects."""
     of = [case for case in cases if case.kind is Kind.SINGLE and case.detectable and case.before > case.oracle]
-    return float(np.median([(one.before - one.after) / (one.before - one.oracle) for one in of])) if of else math.nan
+    return (
+        float(np.median([(item.before - item.after) / (item.before - item.oracle) for item in of])) if of else math.nan
+    )
 
 
 def confusion(cases: Sequence[Case]) -> pd.DataFrame:
-    """Return counts: rows the truth (detectable only), columns the first answer, or that there was none."""
+    """Return counts of answers: rows are the true effects (detectable only), columns the first answer."""
     counts: Counter[tuple[str, str]] = Counter()
     for case in cases:
         if case.detectable or case.kind is Kind.NULL:
@@ -240,22 +251,23 @@ def confusion(cases: Sequence[Case]) -> pd.DataFrame:
 
 
 def _truth(case: Case) -> str:
+    """Return the row of the confusion table that a case belongs to."""
     named = {Kind.PAIR: "a pair", Kind.NULL: "nothing", Kind.OTHER_LAW: case.label.partition(",")[0]}
     return named.get(case.kind, " + ".join(case.truth))
 
 
 def shares_table(rows: Sequence[Row]) -> pd.DataFrame:
-    """Return the shares as a table for readers."""
+    """Return the shares as a table of text."""
     cells = [(row.what, f"{row.count} of {row.of}", row.text, row.aim) for row in rows]
     return pd.DataFrame(cells, columns=["what", "count", "share, 95 %", "aim"])
 
 
 def publish(cases: Sequence[Case], out: Path) -> None:
-    """Print the tables, and write them as Markdown and every case as CSV."""
+    """Print the tables, and write them as Markdown and every case as a CSV row."""
     out.mkdir(parents=True, exist_ok=True)
     tables = [shares_table(shares(cases)), confusion(cases).reset_index(names="hidden"), quality(cases)]
-    own = [case for case in cases if case.kind in (Kind.SINGLE, Kind.PAIR, Kind.NULL)]
-    tables.append(calibration([(case.inclusion, case.truth) for case in own]))
+    listed_cases = [case for case in cases if case.kind in (Kind.SINGLE, Kind.PAIR, Kind.NULL)]
+    tables.append(calibration([(case.inclusion, case.truth) for case in listed_cases]))
     for table in tables:
         print(table.to_string(index=False), end="\n\n")
     print(f"share of the excess loss that is recovered, median: {recovered(cases):.3f}")
@@ -265,12 +277,13 @@ def publish(cases: Sequence[Case], out: Path) -> None:
 
 
 def _flat(case: Case) -> dict[str, object]:
+    """Return a case as one row of cases.csv."""
     return {
         "label": case.label,
         "kind": case.kind.value,
         "truth": " + ".join(case.truth),
         "answer": case.answer.value,
-        "alike": " or ".join(" + ".join(one) for one in case.alike),
+        "alike": " or ".join(" + ".join(candidate) for candidate in case.alike),
         "outcome": case.outcome.value,
         "detectable": case.detectable,
         "loss_before": case.before,
@@ -283,15 +296,18 @@ def _flat(case: Case) -> dict[str, object]:
 
 
 def main() -> None:
+    """Score nine invented cases and print and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="the same: it takes no time")
     parser.add_argument("--out", type=Path, default=Path("out/blind_score"))
     options = parser.parse_args()
     right = Size("Digging.c", 0.05, 0.052, 0.04, 0.06)
-    digs, alike = ("Digging",), (("Digging",),)
-    made = [Case(f"made {i}", Kind.SINGLE, digs, Answer.NAMED, alike, True, (right,), 3.0, 1.02, 1.0) for i in range(7)]
-    made += [Case("made 7", Kind.SINGLE, digs, Answer.NONE_NEEDED, (), False)]
-    publish([*made, Case("made 8", Kind.NULL, (), Answer.NAMED, alike, False)], options.out)
+    digs, names = ("Digging",), (("Digging",),)
+    cases = [
+        Case(f"made {i}", Kind.SINGLE, digs, Answer.NAMED, names, True, (right,), 3.0, 1.02, 1.0) for i in range(7)
+    ]
+    cases += [Case("made 7", Kind.SINGLE, digs, Answer.NONE_NEEDED, (), False)]
+    publish([*cases, Case("made 8", Kind.NULL, (), Answer.NAMED, names, False)], options.out)
 
 
 if __name__ == "__main__":

@@ -1,30 +1,32 @@
-"""Blind test of the loop on drive logs: hidden effects, pairs, nothing, and effects that are on no list.
+"""Blind test of the loop on drive logs with hidden effects, pairs of effects, nothing hidden, or unlisted effects.
 
 Question
-    How often does the loop name what a drive log hides, and how often does it name what is not there?
+    How often does the loop name the effect that is hidden in a drive log, and how often does it name an effect that is
+    not there?
 Method
-    Logs from a simulator that shares no code with the package (tests/oracle/blind: other bodies, contact and
-    integrator; six runs of 20 s a set, sensor noise, raked sand, motors and tachogenerators that differ, in half of the
-    sets a wrongly declared soil and no motor currents; with --under any also drift, coarse encoders, gaps and spikes,
-    the Moon, a heavy six-wheeler or a cart). Each set is answered from its folder alone; the truth is sealed
-    elsewhere, and its hash stands beside the sets. Only then the truth is read, the true set fitted as the search fits
-    any, and all of it scored. Limits of the loop were set on other seeds. What is answered is kept in OUT: a run that
-    was stopped goes on where it was.
+    The logs come from a simulator that shares no code with the package (tests/oracle/blind: other bodies, contact and
+    integrator). A set has six runs of 20 s with sensor noise, raked sand, and motors and tachogenerators that differ.
+    Half of the sets have a wrongly declared soil and no motor currents. With --under any, some sets also have drift,
+    coarse encoders, gaps and spikes, lunar gravity, a heavy six-wheeler or a cart. The loop answers each set from its
+    folder alone. The truth is stored elsewhere, and its hash is stored with the sets. Only after the answer is the
+    truth read, the true set fitted as the search fits any set, and everything scored. Limits of the loop were set on
+    other seeds. Answers are stored in OUT, so that an interrupted run continues.
 Result
     docs/validation.md counts studies/results/blind_drives.csv: seed 8807 with --sets 150 --under any, commit 6ec6815e.
-    No false alarm of 30; one wrong name stands alone, `GearFriction` for a dead band. Seeds before showed faults, each
-    time: 8806 what half a row's doubt in a step does (`TrackingDelay`), 8805 replays on bent ground that began in it,
-    and a generator whose braked wheels pull more than their torque pays; 8803 and 8804 evidence surer than stretches
-    of runs scatter, slopes across a jump of a replay, commands early by half an uneven row, a bent ground that was no
-    cause, a step that forces outgrow. Seeds 902, 1303, 1404, 2203, 3101, 4808, 5911, 5912, 6203 and 7001 to 7003 were
-    calibration, or of the former search.
+    There is no false alarm in 30 sets and one wrong name alone, `GearFriction` for a dead band. Each earlier seed
+    showed faults: 8806 the effect of half a row of time uncertainty in a step (`TrackingDelay`); 8805 replays on bent
+    ground that began in it, and a generator whose braked wheels pulled more than their torque allows; 8803 and 8804
+    evidence more certain than the scatter between parts of runs allows, slopes across a jump of a replay, commands
+    early by half an uneven row, a bent ground that was no cause, and a step that is unstable under large forces. Seeds
+    902, 1303, 1404, 2203, 3101, 4808, 5911, 5912, 6203 and 7001 to 7003 were calibration, or belong to the former
+    search.
 What the paper says
-    Nothing: it compares by eye.
+    The paper compares curves by eye.
 What differs
-    Detectable is a true set whose evidence times prior is 3 nats more than the base's, of two also than that of each
-    alone, by the loop's own fits. Of what is on no list it is anything at all that is 3 nats more than a base that
-    leaves noise. Most hidden effects follow the same laws as the package's, written down and integrated once more;
-    those of kind other-law do not.
+    A true set is detectable if its evidence times prior exceeds the base's by 3 nats, and for pairs also that of each
+    effect alone, by the loop's own fits. An unlisted effect is detectable if any hypothesis exceeds a base that leaves
+    only noise by 3 nats. Most hidden effects follow the same laws as the package's, implemented and integrated a second
+    time; those of kind other-law do not.
 
 Run: python studies/blind_test.py [--quick] [--seed N] [--sets N] [--under any] [--first N] [--skip N] [--workers N]
 """
@@ -60,7 +62,7 @@ from rover_pin.simulation.model.effect_files import known_effects
 
 MAKE = Path(__file__).parents[1] / "tests" / "oracle" / "blind" / "make.py"
 CALIBRATION, REPORTED = 902, 8807
-"""Seeds of the sets on which limits were set, and of those that are reported."""
+"""Seeds of the sets on which limits were set, and of the reported sets."""
 KINDS = {
     "single": Kind.SINGLE, "sensor": Kind.SINGLE, "pair": Kind.PAIR, "none": Kind.NULL, "off-list": Kind.OFF_LIST,
     "other-law": Kind.OTHER_LAW,
@@ -69,19 +71,20 @@ OTHER_LAWS = {
     "StribeckFriction": "GearFriction", "SquareSag": "SupplySag", "SpringTether": "TetherDrag",
     "SlopeError": "BentGround",
 }  # fmt: skip
-"""Causes of the list by laws that are not the package's (`make.py --only NAME`), and the effects that are right."""
+"""Listed causes that follow other laws than the package's (`make.py --only NAME`), and the effects that are right."""
 
 
 class Truth(NamedTuple):
-    """What was hidden as the search fits it."""
+    """The fit of the hidden set, made in the same way as the fits of the search."""
 
     gain: float
-    "nats of evidence times prior over the best without all of it"
+    """Gain in evidence times prior over the best set without all hidden effects [nats]."""
     loss: float = math.nan
-    "held out"
+    """Held-out loss."""
 
 
 def main() -> None:
+    """Generate the sets, close the loop on each, and publish the scores."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one set")
     parser.add_argument("--seed", type=int, default=REPORTED)
@@ -99,32 +102,37 @@ def main() -> None:
     options = parser.parse_args()
     seed, count = (CALIBRATION, 1) if options.quick else (options.seed, options.sets)
     sets, answers = options.out / f"sets-{seed}", options.out / f"answers-{seed}.json"
-    made = ["--out", sets, "--seed", seed, "--sets", count, "--workers", options.workers, "--answers", answers]
-    made += ["--under", options.under]
-    subprocess.run([sys.executable, str(MAKE), *map(str, made)], check=True)
+    arguments = ["--out", sets, "--seed", seed, "--sets", count, "--workers", options.workers, "--answers", answers]
+    arguments += ["--under", options.under]
+    subprocess.run([sys.executable, str(MAKE), *map(str, arguments)], check=True)
     numbers = range(options.skip + 1, min(options.first or count, count) + 1)
     folders = [sets / f"set_{number:04d}" for number in numbers if number not in options.without]
     run = Parallel(n_jobs=options.workers, batch_size=1)
-    known = options.out / f"cases-{seed}-{key_of_code()}"
-    cases = run(delayed(kept)(known / f"{folder.name}.json", partial(case_of, folder, answers)) for folder in folders)
+    case_folder = options.out / f"cases-{seed}-{key_of_code()}"
+    cases = run(
+        delayed(kept)(case_folder / f"{folder.name}.json", partial(case_of, folder, answers)) for folder in folders
+    )
     publish(cases, options.out)
 
 
 def case_of(folder: Path, answers: Path) -> Case:
-    """Return how the answer to one set compares with the truth, which is read after it."""
+    """Return the scored answer to one set. The truth is read after the answer."""
     question = asked(folder)
     search = search_of(question, quiet)
     verdict = verdict_of(question, search.beliefs(), quiet)
     print(f"{folder.name}: {verdict.answer.value} {verdict.indistinguishable}", flush=True)
     assert verdict.beliefs is not None
-    truth = next(each for each in json.loads(answers.read_text(encoding="utf-8"))["sets"] if each["set"] == folder.name)
+    # The loop has answered; only now is the sealed truth opened.
+    truth = next(
+        entry for entry in json.loads(answers.read_text(encoding="utf-8"))["sets"] if entry["set"] == folder.name
+    )
     hidden = truth["hidden"]
-    kind = Kind.OTHER_LAW if any(each["effect"] in OTHER_LAWS for each in hidden) else KINDS[truth["kind"]]
-    names = tuple(OTHER_LAWS.get(each["effect"], name_of(each)) for each in hidden)
+    kind = Kind.OTHER_LAW if any(entry["effect"] in OTHER_LAWS for entry in hidden) else KINDS[truth["kind"]]
+    names = tuple(OTHER_LAWS.get(entry["effect"], name_of(entry)) for entry in hidden)
     listed = kind not in (Kind.NULL, Kind.OFF_LIST)
     true = true_fit(question, search, names) if listed else Truth(more_than_noise(verdict.beliefs))
     return Case(
-        f"{folder.name} {' + '.join(names)} {[round(each['severity'], 1) for each in hidden]}{under_of(truth)}",
+        f"{folder.name} {' + '.join(names)} {[round(entry['severity'], 1) for entry in hidden]}{under_of(truth)}",
         kind,
         names,
         verdict.answer,
@@ -139,62 +147,66 @@ def case_of(folder: Path, answers: Path) -> Case:
 
 
 def asked(folder: Path) -> Question:
-    """Return what the loop is asked of one set, as `close_the_loop` asks it."""
+    """Return the question of the loop for one set, as `close_the_loop` asks it."""
     return DriveLogData(read_drive_log(folder)).question(known_effects())
 
 
 def quiet(message: str) -> None:
-    """Say nothing."""
+    """Ignore a progress message."""
 
 
 def under_of(truth: dict[str, Any]) -> str:
-    """Return under what a set was driven and read, where that is not the usual."""
+    """Return the conditions of a set if they are not the plain ones."""
     under = truth.get("under", "plain")
     return "" if under == "plain" else f" ({under})"
 
 
 def name_of(hidden: dict[str, Any]) -> str:
-    """Return a hidden effect's name as the loop would say it."""
-    own = hidden["numbers"]
-    place = own.get("wheel", own.get("channel"))
+    """Return a hidden effect's name in the form that the loop uses."""
+    numbers = hidden["numbers"]
+    place = numbers.get("wheel", numbers.get("channel"))
     return hidden["effect"] + ("" if place in (None, "") else f"[{place}]")
 
 
 def true_fit(question: Question, search: Search, names: tuple[str, ...]) -> Truth:
-    """Return the true set fitted as the search fits any, beside its parts; where nothing shows it, it gains nothing."""
-    own, candidates = Search(search.base), question.candidates(search.base)
-    own.run(signatures(search.base, [candidate for candidate in candidates if plain(candidate.name) in names]))
-    whole = frozenset(own.options)
-    while untried := own.estimates.keys() - own.fitted.keys() - own.lost:
-        own.fit(min(untried, key=len))
-    if len(whole) < len(names) or whole not in own.fitted:
+    """Return the true set, fitted as the search fits any set. If nothing shows it, its gain is -inf."""
+    # The search is restricted to the true effects, so that all of their subsets are fitted.
+    true_search, candidates = Search(search.base), question.candidates(search.base)
+    true_search.run(signatures(search.base, [candidate for candidate in candidates if plain(candidate.name) in names]))
+    true_set = frozenset(true_search.options)
+    while untried := true_search.estimates.keys() - true_search.fitted.keys() - true_search.lost:
+        true_search.fit(min(untried, key=len))
+    if len(true_set) < len(names) or true_set not in true_search.fitted:
         return Truth(-math.inf)
-    scores = {each: search.score(rows[0]) for each, rows in own.fitted.items()}
-    fitted = own.fitted[whole][0].fit
-    gain = scores.pop(whole) - max(scores.values())
+    # The gain compares the full set with its best proper subset.
+    scores = {names_fitted: search.score(rows[0]) for names_fitted, rows in true_search.fitted.items()}
+    fitted = true_search.fitted[true_set][0].fit
+    gain = scores.pop(true_set) - max(scores.values())
     return Truth(gain, float(losses_of(fitted).sum()) / fitted.task.noise.count)
 
 
 def more_than_noise(beliefs: Beliefs) -> float:
-    """Return by how many nats the best of all is more probable than a base model that leaves noise alone."""
+    """Return the gain of the best hypothesis over a base model that leaves only noise [nats]."""
     rows = zip(beliefs.scores, beliefs.hypotheses, strict=True)
-    none = [score for score, one in rows if not one.names and one.discrepancy is Discrepancy.NONE]
+    none = [score for score, hypothesis in rows if not hypothesis.names and hypothesis.discrepancy is Discrepancy.NONE]
     return float(beliefs.scores.max() - max(none))
 
 
 def sizes_of(verdict: Verdict, hidden: list[dict[str, Any]], names: tuple[str, ...]) -> tuple[Size, ...]:
-    """Return the fitted sizes of what was hidden, where all of it and nothing else was named."""
+    """Return fitted and true sizes if the answer names exactly the hidden effects, else an empty tuple."""
     if sorted(map(plain, verdict.named)) != sorted(names) or verdict.beliefs is None or verdict.after is None:
         return ()
     causes = {plain(cause.name): cause for cause in verdict.beliefs.best(verdict.named).causes}
     fitted = {number.name: number for number in verdict.after.numbers}
-    made = []
-    for each, name in zip(hidden, names, strict=True):
-        for own in sorted(causes[name].amplitudes & fitted.keys()):
-            true = each["numbers"].get(own.rpartition(".")[2])
+    pairs = []
+    for hidden_effect, name in zip(hidden, names, strict=True):
+        for parameter in sorted(causes[name].amplitudes & fitted.keys()):
+            true = hidden_effect["numbers"].get(parameter.rpartition(".")[2])
             if true is not None:
-                made.append(Size(own, true, fitted[own].value, fitted[own].low, fitted[own].high))
-    return tuple(made)
+                pairs.append(
+                    Size(parameter, true, fitted[parameter].value, fitted[parameter].low, fitted[parameter].high)
+                )
+    return tuple(pairs)
 
 
 if __name__ == "__main__":

@@ -1,40 +1,43 @@
-"""The loop on measured wheels: which effect the model lacks, and the error before and after on held-out slip levels.
+"""Close the loop on measured wheels: the missing effect, and the error before and after on held-out slip levels.
 
 Question
-    Which effect do Eqs (2)-(7) lack on measured wheels, and how much does it take off the error on runs that were
-    not fitted?
+    Which effect do Eqs (2)-(7) lack on measured wheels, and by how much does this effect reduce the error on runs that
+    were not fitted?
 Method
-    `close_the_loop` on the shipped wheel-rig sets: k, phi, k_1 and the exit ratio fitted first, then every effect of
-    rover_pin/effects screened, refitted and compared; errors are of each slip level predicted by a fit to the others.
-    Smooth wheel on dry sand (15 runs, 5 levels): n from pressing the same wheel in (1.51); once more with n = 1.46 of
-    the rig's authors. Its 32 sinkage records, from t = 20 s where the rim takes its speed: z follows the steady value
-    that the model predicts for a level that was not fitted, with dz/dx = (z_steady - z) / L over the travel x, L fitted
-    to the other levels; only the sinkage at the step is taken from the run. Ding's wheels (digitised, 5 levels, with
-    torque): n = 1.1 as stated, the row at slip 0 left out, whose torque 0 is digitised and not physical.
+    `close_the_loop` runs on the shipped wheel-rig sets. It first fits k, phi, k_1 and the exit ratio, and then screens,
+    refits and compares every effect of rover_pin/effects. Each slip level is predicted by a fit to the other levels.
+    For the smooth wheel on dry sand (15 runs, 5 levels), n comes from the pressings of the same wheel (1.51). A second
+    run uses n = 1.46 of the rig's authors. The set has 32 sinkage records, which start at t = 20 s, where the rim takes
+    its speed. The predicted sinkage z follows the steady value of the model for a level that was not fitted, with dz/dx
+    = (z_steady - z) / L over the travel x. L is fitted to the other levels. Only the sinkage at the step is taken from
+    the run. For Ding's wheels (digitised, 5 levels, with torque), n = 1.1 as stated. The row at slip 0 is left out,
+    because its torque of 0 is digitised and not physical.
 Result
-    Smooth wheel: a slip-sinkage exponent, n_1 = 1.47 [0.87, 2.00], chosen in 8 of 8 folds, or sand that slip softens,
-    not told apart. Held-out sinkage error 5.6 -> 1.17 mm (1.9 times the noise; a Gaussian process of the slip 0.74);
-    drawbar pull 0.46 -> 0.40 N, an interval that contains no change: no gain is claimed. Pressed in the sand is 0.96
-    [0.75, 1.22] times as stiff as rolled on. Started from n = 1.46 it comes to the same.
-    Its transients, first 0.2 m: the base model without dynamics misses by 9.9 mm [8.7, 11.0], with the relaxation by
-    5.4 [4.8, 6.0]; with the exponent 7.4 [6.6, 8.2] and 2.0 [1.7, 2.3] mm. L = 61 to 71 mm, the length of the contact;
-    with each level's own measured end 1.5 mm are left, so the rest is mostly the steady value. Rim travel does not
-    shorten L (a test of both lengths gives the rim's none). Not predicted: the S-shaped start at slip 0, where the
-    wheel is still being lowered, by 0.5 to 4.4 mm/s, and that lowering itself: the load is known where a record has
-    become a point of the set, at its end, and not before.
-    The same wheel with lugs of 5 mm, whose trench the model has from the start (4.9 mm fitted): the exponent, chosen in
-    9 of 9 folds, sinkage 2.2 -> 0.87 mm (a parabola 2.8), drawbar pull 1.14 -> 1.24 N, worse (1.8). Braked: ploughing,
-    chosen in 4 of 4 folds, 1.13 N (a parabola 0.25) and 1.62 mm.
-    Ding smooth: digging, chosen in 4 of 5 folds, the exponent or softening, not told apart: torque 0.90 -> 0.07 N m,
-    sinkage 5.4 -> 1.6 mm, and drawbar pull 1.1 -> 5.0 N, worse; by the exponent 0.79 N and 0.24 mm, but 0.87 N m.
-    phi = 23.5 deg against 31.9 stated. Ding lugged: digging with a grip or a reach of the lugs, 2 of 5 folds: torque
-    1.23 -> 0.13 N m, sinkage 4.6 -> 0.65 mm, drawbar pull 0.35 -> 4.5 N, worse. Five points are little.
-    The laws of slip, skid, side force and lugs with curves beside them, printed last: see studies/wheel_laws.py.
+    Smooth wheel: a slip-sinkage exponent, n_1 = 1.47 [0.87, 2.00], is chosen in 8 of 8 folds, or sand that slip
+    softens. The data cannot distinguish the two. The held-out sinkage error falls from 5.6 to 1.17 mm (1.9 times the
+    noise; a Gaussian process of the slip 0.74). The drawbar pull error goes from 0.46 to 0.40 N, with an interval that
+    contains no change, so no gain is claimed. The pressed sand is 0.96 [0.75, 1.22] times as stiff as the rolled sand.
+    The start from n = 1.46 gives the same result.
+    Transients of the smooth wheel, first 0.2 m: the base model without dynamics has an error of 9.9 mm [8.7, 11.0], and
+    with the relaxation 5.4 [4.8, 6.0]. With the exponent the errors are 7.4 [6.6, 8.2] and 2.0 [1.7, 2.3] mm. L = 61 to
+    71 mm, the length of the contact. With each level's own measured end, 1.5 mm remain, so most of the error comes from
+    the steady value. Rim travel does not shorten L (in a test of both lengths, the share of the rim is zero). Not
+    predicted: the S-shaped start at slip 0, where the wheel is still lowered at 0.5 to 4.4 mm/s, and the lowering
+    itself. The load is known only at the end of a record, where the record becomes a point of the set.
+    The same wheel with lugs of 5 mm, whose trench the model includes from the start (4.9 mm fitted): the exponent is
+    chosen in 9 of 9 folds. Sinkage 2.2 -> 0.87 mm (a parabola 2.8). Drawbar pull 1.14 -> 1.24 N, worse (a parabola
+    1.8). Braked: ploughing is chosen in 4 of 4 folds, 1.13 N (a parabola 0.25) and 1.62 mm.
+    Ding smooth: digging is chosen in 4 of 5 folds; the data cannot distinguish it from the exponent or softening.
+    Torque 0.90 -> 0.07 N m, sinkage 5.4 -> 1.6 mm, drawbar pull 1.1 -> 5.0 N, worse. With the exponent 0.79 N and 0.24
+    mm, but 0.87 N m. phi = 23.5 deg against 31.9 stated. Ding lugged: digging with a grip or a reach of the lugs, 2 of
+    5 folds. Torque 1.23 -> 0.13 N m, sinkage 4.6 -> 0.65 mm, drawbar pull 0.35 -> 4.5 N, worse. Five points are too few
+    for a conclusion.
+    The laws of slip, skid, side force and lugs are printed last, with curves for comparison: see studies/wheel_laws.py.
 What the paper says
     "the digging and sinking process is not modeled in the simulation" (section 4.2).
 What differs
-    Loads, wheels and sands are others' than the paper's. All transients run at one travel speed, 10 mm/s: a time of
-    6.6 s would do as well as a length of 66 mm, the one that `SlipSoftening` has in a drive.
+    Loads, wheels and sands are not those of the paper. All transients were measured at one travel speed, 10 mm/s, so a
+    time of 6.6 s explains them as well as a length of 66 mm. `SlipSoftening` uses the length in a drive.
 
 Run: python studies/close_the_loop.py [--quick] [--out DIR]; the pages are DIR/<set>/report.html
 """
@@ -67,39 +70,40 @@ DATA = Path(__file__).parent / "data"
 AUTHORS_N = 1.46
 
 STEP = 20.25
-"""Time [s] at which the rim takes its speed; before that the wheel is lowered at slip 0."""
+"""Time [s] at which the rim takes its speed. Before this time the wheel is lowered at slip 0."""
 TRANSIENT = 0.2
-"""Travel [m] after the step that counts as transient; 0.35 m more is the tail."""
+"""Travel [m] after the step that counts as transient. The tail is the travel from there to TAIL [m]."""
 TAIL = 0.55
 LENGTHS = (0.005, 1.0)
-"""Least and greatest length of relaxation [m] that is tried."""
+"""Bounds of the relaxation length [m] in the fit."""
 DRAWS = 1000
 CLAIMED = (Outcome.BETTER.value, Outcome.WORSE.value)
 
 
 def main() -> None:
+    """Close the loop on every set, write errors and figures, and print transients and laws."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--quick", action="store_true", help="the smooth wheel on dry sand only")
     options.add_argument("--out", type=Path, default=Path("out/close_the_loop"))
-    asked = options.parse_args()
+    options_given = options.parse_args()
     verdicts = []
-    for label, data in cases(asked.quick).items():
+    for label, data in cases(options_given.quick).items():
         soil = with_authors_exponent(data) if "1.46" in label else None
-        folder = asked.out / label.replace(" ", "-").replace(",", "").replace("=", "")
+        folder = options_given.out / label.replace(" ", "-").replace(",", "").replace("=", "")
         verdicts.append((label, close_the_loop(data, soil, out=folder, progress=lambda said: None)))
         print(verdicts[-1][1].summary(), end="\n\n")
     table = pd.DataFrame([row for label, verdict in verdicts for row in rows(label, verdict)])
-    table.to_csv(asked.out / "close_the_loop.csv", index=False, float_format="%.6g")
-    draw(table).savefig(asked.out / "close_the_loop.png", dpi=140)
-    print(f"written: {asked.out / 'close_the_loop.csv'}, {asked.out / 'close_the_loop.png'}")
-    report_transients(verdicts[0][1], read_rig_set(DATA / "cmu-smooth-wheel"), asked.out)
-    laws = pd.DataFrame(wheel_laws.table(asked.quick))
-    laws.to_csv(asked.out / "wheel_laws.csv", index=False, float_format="%.6g")
+    table.to_csv(options_given.out / "close_the_loop.csv", index=False, float_format="%.6g")
+    draw(table).savefig(options_given.out / "close_the_loop.png", dpi=140)
+    print(f"written: {options_given.out / 'close_the_loop.csv'}, {options_given.out / 'close_the_loop.png'}")
+    report_transients(verdicts[0][1], read_rig_set(DATA / "cmu-smooth-wheel"), options_given.out)
+    laws = pd.DataFrame(wheel_laws.table(options_given.quick))
+    laws.to_csv(options_given.out / "wheel_laws.csv", index=False, float_format="%.6g")
     print(f"\n{wheel_laws.shown(laws)}")
 
 
 def report_transients(verdict: Verdict, data: RigSet, out: Path) -> None:
-    """Predict how the sinkage comes to its steady value, each level from the others, and print the errors."""
+    """Predict the transient of the sinkage, each level from the other levels, and print and draw the errors."""
     runs = transient_runs(DATA / "cmu-smooth-wheel" / "sinkage_transient.csv")
     steady = {
         when: held_out_steady(data, side.fit) for when, side in (("before", verdict.before), ("after", verdict.after))
@@ -116,33 +120,36 @@ def report_transients(verdict: Verdict, data: RigSet, out: Path) -> None:
 
 
 def added_name(verdict: Verdict) -> str:
+    """Return the names of the added effects, or "base"."""
     return " + ".join(type(effect).__name__ for effect in verdict.effects) or "base"
 
 
 def transient_runs(path: Path) -> dict[str, pd.DataFrame]:
-    """Return each run from the step on: travel since then [m], sinkage [m], level."""
-    made = {}
+    """Return each run from the step on: travel since the step [m], sinkage [m], level."""
+    by_run = {}
     for run, table in pd.read_csv(path).groupby("run", sort=False):
         driven = table[(table.t_s >= STEP) & (table.travel_speed_mps > 0.005)]
         travel = (driven.x_m - driven.x_m.iloc[0]).to_numpy()
-        kept = pd.DataFrame(
+        columns = pd.DataFrame(
             {"travel": travel, "sinkage": driven.sinkage_m.to_numpy(), "level": str(table.level.iloc[0])}
         )
-        made[str(run)] = kept[kept.travel <= TAIL]
-    return made
+        by_run[str(run)] = columns[columns.travel <= TAIL]
+    return by_run
 
 
 def held_out_steady(data: RigSet, fit: Fit) -> dict[str, float]:
-    """Return the steady sinkage of each level [m], by the model fitted to the others."""
-    found = {}
+    """Return the steady sinkage [m] of each level, predicted by the model fitted to the other levels."""
+    steady = {}
     for number, (name, fold_fit) in enumerate(zip(data.level_names, fold_fits(fit), strict=False)):
-        own = data.level == number
-        found[name] = float((fold_fit or fit).model.predict(data.load[own].mean(), data.slip[own].mean()).sinkage[0])
-    return found
+        of_level = data.level == number
+        steady[name] = float(
+            (fold_fit or fit).model.predict(data.load[of_level].mean(), data.slip[of_level].mean()).sinkage[0]
+        )
+    return steady
 
 
 def measured_steady(runs: dict[str, pd.DataFrame]) -> dict[str, float]:
-    """Return the mean sinkage [m] of each level's tails, its own runs included: what one value a level can do."""
+    """Return the mean sinkage [m] of the tails of each level: the best result of one value for each level."""
     tails = pd.concat([run[run.travel > TRANSIENT] for run in runs.values()])
     return {str(level): float(value) for level, value in tails.groupby("level").sinkage.mean().items()}
 
@@ -153,9 +160,10 @@ def relaxed(run: pd.DataFrame, steady: float, length: float) -> np.ndarray:
 
 
 def fitted_length(runs: list[pd.DataFrame], steady: dict[str, float]) -> float:
-    """Return the length [m] with the least squared error."""
+    """Return the relaxation length [m] with the least squared error."""
 
     def misfit(log_length: float) -> float:
+        """Return the sum of squared errors at a length, given by its logarithm."""
         errors = [relaxed(run, steady[run.level.iloc[0]], np.exp(log_length)) - run.sinkage for run in runs]
         return float(sum(np.sum(error**2) for error in errors))
 
@@ -163,11 +171,12 @@ def fitted_length(runs: list[pd.DataFrame], steady: dict[str, float]) -> float:
 
 
 def predicted(runs: dict[str, pd.DataFrame], steady: dict[str, float], label: str) -> pd.DataFrame:
-    """Return squared errors of each run, with the length fitted to the other levels, and with none."""
+    """Return the squared errors [mm^2] of each run, with the length fitted to the other levels and without it."""
     rows = []
     for name, run in runs.items():
         level = run.level.iloc[0]
-        others = [other for other in runs.values() if other.level.iloc[0] != level]
+        # The length is fitted without the level of this run, so that the error is a held-out error.
+        others = [candidate for candidate in runs.values() if candidate.level.iloc[0] != level]
         length = fitted_length(others, steady)
         for dynamics, z in (
             ("at once", np.full(len(run), steady[level])),
@@ -180,12 +189,13 @@ def predicted(runs: dict[str, pd.DataFrame], steady: dict[str, float], label: st
 
 
 def slips_of(data: RigSet) -> dict[str, str]:
-    """Return the mean slip of each level in words; the set numbers its levels by the rim's speed."""
+    """Return the mean slip of each level as text. The set numbers its levels by the rim speed."""
     slips = [round(float(data.slip[data.level == number].mean()), 2) for number, _ in enumerate(data.level_names)]
     return {name: f"S = {slip + 0.0:.2f}" for name, slip in zip(data.level_names, slips, strict=True)}
 
 
 def summary_of(errors: pd.DataFrame, slips: dict[str, str]) -> pd.DataFrame:
+    """Return RMSE by model and dynamics, with 95 % intervals by bootstrap over runs."""
     rng, rows = np.random.default_rng(0), []
     for (model, dynamics), group in errors.groupby(["model", "dynamics"], sort=False):
         row: dict[str, object] = {"model": model, "dynamics": dynamics}
@@ -203,16 +213,17 @@ def summary_of(errors: pd.DataFrame, slips: dict[str, str]) -> pd.DataFrame:
 def draw_transients(
     runs: dict[str, pd.DataFrame], steady: dict[str, dict[str, float]], errors: pd.DataFrame, slips: dict[str, str]
 ) -> plt.Figure:
+    """Draw measured and predicted sinkage over travel, one panel for each level."""
     levels = sorted({run.level.iloc[0] for run in runs.values()}, key=int)
     figure, axes = plt.subplots(1, len(levels), figsize=(3 * len(levels), 3.6), sharey=True, layout="constrained")
     names = list(dict.fromkeys(errors.model))[:2]
     for axis, level in zip(axes, levels, strict=True):
-        own = [run for run in runs.values() if run.level.iloc[0] == level]
-        for run in own:
+        of_level = [run for run in runs.values() if run.level.iloc[0] == level]
+        for run in of_level:
             axis.plot(1e3 * run.travel, 1e3 * run.sinkage, color="#999999", lw=0.8)
         for name, when, colour in zip(names, steady, ("#b3541e", "#1f6f8b"), strict=False):
             length = errors[(errors.model == name) & (errors.level == level)].length_m.iloc[0]
-            for number, run in enumerate(own):
+            for number, run in enumerate(of_level):
                 z = 1e3 * relaxed(run, steady[when][level], length)
                 axis.plot(1e3 * run.travel, z, color=colour, lw=1, ls="--", label=None if number else name)
         axis.set(title=f"{slips[level]}, held out", xlabel="travel since the step [mm]")
@@ -223,6 +234,7 @@ def draw_transients(
 
 
 def cases(quick: bool) -> dict[str, RigSet]:
+    """Return the sets by label; the quick list has the smooth wheel only."""
     smooth = read_rig_set(DATA / "cmu-smooth-wheel")
     if quick:
         return {"cmu smooth wheel": smooth}
@@ -234,18 +246,20 @@ def cases(quick: bool) -> dict[str, RigSet]:
 
 
 def with_authors_exponent(data: RigSet) -> Soil:
+    """Return the set's soil with n of the rig's authors and the stiffness of the pressings at that n."""
     K_eff = stiffness(data.trials, data.wheel, AUTHORS_N)
     return data.soil().replace(n=AUTHORS_N, k_1=K_eff * data.wheel.b**AUTHORS_N)
 
 
 def rows(label: str, verdict: Verdict) -> list[dict[str, object]]:
-    found = " or ".join(verdict.indistinguishable) or verdict.answer.value
+    """Return one row for each channel of a verdict: held-out errors, change, and fitted residuals."""
+    answer = " or ".join(verdict.indistinguishable) or verdict.answer.value
     left = verdict.extra
     return [
         {
             "set": label,
             "verdict": verdict.answer.value,
-            "effect": found,
+            "effect": answer,
             "channel": score.name,
             "unit": score.unit,
             "noise": score.floor,
@@ -264,6 +278,7 @@ def rows(label: str, verdict: Verdict) -> list[dict[str, object]]:
 
 
 def draw(table: pd.DataFrame) -> plt.Figure:
+    """Draw the held-out errors before and after in units of the noise; filled symbols are claimed changes."""
     figure, axis = plt.subplots(figsize=(9, 0.5 * len(table) + 1.6), layout="constrained")
     for place, row in enumerate(table.iloc[::-1].itertuples()):
         before, after = row.held_out_before / row.noise, row.held_out_after / row.noise

@@ -1,36 +1,42 @@
-"""Fig 10: the sandy ditch with and without slip control, and when the paper's story does and does not come out.
+"""Fig 10: drive through the sandy ditch with and without slip control, and find when the paper's result is reproduced.
 
 Question
-    Without control the rover stops at the far wall with S = 1 for good; with control (S_d = 0.1) the wheels slow down,
-    the slip falls and it drives out. Does that follow from the paper's model? If not, what is missing?
+    In the paper, the rover without control stops at the far wall and stays at S = 1. With control (S_d = 0.1) the
+    wheels slow down, the slip falls, and the rover drives out. Does the paper's model produce this result? If it does
+    not, which effect is missing?
 Method
-    Ditch 0.05 m deep and 0.2 m wide; the wall angle, which the paper does not state, is the map's first axis. Constant
-    duty 0.55 against the PI of Fig 9 with several gains, fed with the true slip or with Eq 9's estimate. Sands with F
-    rising in S, as Eqs 2-7 give it: Table 1 and smaller k with the R of a flat cruised at S = 0.05; k = 2.5 mm with
-    R = 0.03 < F(0) (its flat is driven at S = -0.07); and the same with `PostPeak`, a
-    loss of shear strength past the peak, which the text speaks of and Eq 2 lacks. "Out": the rear wheels are past the
-    far lip within 45 s, at the step and at half of it, else it is "open". Mirror-symmetric drives.
+    The ditch is 0.05 m deep and 0.2 m wide. The paper does not state the wall angle, so the wall angle is the first
+    axis of the map. A constant duty of 0.55 is compared with the PI controller of Fig 9 at several gains. The
+    controller reads the true slip or the estimate of Eq 9. For most sands F rises with S, as in Eqs 2-7: Table 1; sands
+    with a smaller k, whose R makes the rover cruise on the flat at S = 0.05; and k = 2.5 mm with R = 0.03 < F(0), where
+    the rover drives on the flat at S = -0.07. The last sand is repeated with `PostPeak`, a loss of shear strength past
+    the peak, which the paper's text mentions and Eq 2 lacks. A drive counts as "out" if the rear wheels pass the far
+    lip within 45 s at the step and at half the step. If the two step sizes disagree, the drive counts as "open". All
+    drives are mirror-symmetric.
 Result
-    The left half of Fig 10 comes out with Table 1 as it stands, at every wall (a ditch of this size has none below
-    26.6 deg): at 30 deg 0.050 m/s and S = 0.05 for 5 s, 0.17 m/s going down, the front wheels stop at the far wall at
-    8.0 s, S > 0.95 from 11 s on. The right half does not: 0 of 80 controlled drives get out. Nor with any sand whose F
-    rises with S: over four values of k, 0 of 156 stuck drives are rescued with the true slip, 0 of 52 with Eq 9; S
-    falls, and F(S) with it. The true slip turns 60 of 84 passes into failures, Eq 9 5 of 28.
-    With strength lost past the peak the story comes out in a window of 1.5 to 2 deg of wall angle: 30 % lost, 49 to 50
-    deg, 9 rescues of 42; 50 % lost, 46.5 to 48 deg, 13 of 42; all but one with S_d = 0.2. At 47 deg S goes to 0.85, the
-    wheels stop and roll back, S falls, the rover is out 12 s later. Eq 9 rescues none and loses 1 of 24. No outcome
-    depends on the step. So the story hinges on a strength loss, on a wall angle just past what the duty can climb, and
-    on a slip that is truly known; `fig10_hinges.py` changes the other numbers (R = 0.1 widens the window to 9 deg).
+    Table 1 reproduces the left half of Fig 10 at every wall angle (a ditch of this size has no wall below 26.6 deg). At
+    30 deg the rover drives at 0.050 m/s and S = 0.05 for 5 s, and at 0.17 m/s down the near wall. The front wheels stop
+    at the far wall at 8.0 s, and S > 0.95 from 11 s on. The right half is not reproduced: 0 of 80 controlled drives get
+    out. No sand whose F rises with S reproduces the right half either. Over four values of k, control rescues 0 of 156
+    stuck drives with the true slip and 0 of 52 with Eq 9. The slip falls, and F(S) falls with it. The true slip turns
+    60 of 84 passes into failures, and Eq 9 turns 5 of 28 passes into failures.
+    With a strength loss past the peak, the paper's result appears in a window of 1.5 to 2 deg of wall angle: with 30 %
+    lost, 9 rescues of 42 at 49 to 50 deg; with 50 % lost, 13 rescues of 42 at 46.5 to 48 deg. All rescues but one have
+    S_d = 0.2. At 47 deg S rises to 0.85, the wheels stop and roll back, S falls, and the rover is out 12 s later. Eq 9
+    rescues no drive and loses 1 of 24. No outcome depends on the step. The paper's result therefore needs a strength
+    loss, a wall angle just beyond the angle that the constant duty can climb, and a controller that reads the true
+    slip. `fig10_hinges.py` changes the other numbers (R = 0.1 widens the window to 9 deg).
 What the paper says
     Without: "the vehicle lost the velocity at t = 7 [s]. After the vehicle has stopped, the wheel was yet rotating
     constantly, then the slip ratio went up to S = 1 and there was no chance to get recovered." With: "when the slip
     ratio went to S = 1 at t = 8 [s], the slip control functioned to slow down the wheel velocity. This action worked
-    out successfully to get the tire slip decreased, as well as the vehicle velocity increased. Finally, after
-    t = 14 [s] the rover went out of the ditch".
+    out successfully to get the tire slip decreased, as well as the vehicle velocity increased. Finally, after t = 14
+    [s] the rover went out of the ditch".
 What differs
-    Eqs 2-7 give no reason for slip control to help: the more slip, the more pull. The estimate of Eq 9 reads a wheel
-    slowed by its load as one that grips, and raises its duty instead. In the story as found the rear wheels hang at
-    the far wall, not the front ones, and on a sand far stiffer (k = 2.5 mm) than Table 1's.
+    Eqs 2-7 give no reason why slip control helps: the pull rises with the slip. Eq 9 reads a wheel that the load slows
+    down as a wheel that grips, and the controller then raises the duty. In the drives found here the rear wheels hang
+    at the far wall, while in the paper the front wheels do, and the sand is much stiffer (k = 2.5 mm) than that of
+    Table 1.
 
 Run: python studies/fig10_ditch.py [--quick] [--out DIR] [--workers N]
 """
@@ -61,14 +67,14 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.shapes import ditch
 
 OUT_AT = 0.95
-"""Body x [m] at which the rear wheels (0.155 m behind it) have left the far lip at 0.7 m."""
+"""Position of the body [m] at which the rear wheels (0.155 m behind the body) have left the far lip at 0.7 m."""
 DURATION = 45.0
 LOW_RESISTANCE = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03}
 
 
 @dataclass(frozen=True)
 class Sand:
-    """A sand, whether it loses strength, and the wall angles [deg] worth driving."""
+    """A sand, its strength loss past the peak (None: no loss), and the wall angles [deg] that are driven on it."""
 
     label: str
     settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
@@ -77,7 +83,7 @@ class Sand:
 
 
 class Control(NamedTuple):
-    """No control, or the PI with one kind of slip and one set of gains."""
+    """A control of the map: none, or the PI controller with one source of slip and one set of gains."""
 
     kind: str
     S_d: float = 0.1
@@ -86,7 +92,7 @@ class Control(NamedTuple):
 
     @property
     def label(self) -> str:
-        """What the map calls it."""
+        """Return the name of this control on the map."""
         words = {"none": "duty 0.55", "true": "true slip", "eq9": "Eq 9"}
         gains = "" if self.kind == "none" else f"  {self.S_d:g}  {self.k_p:g}  {self.k_i:g}"
         return words[self.kind] + gains
@@ -107,18 +113,18 @@ CONTROLS = (
     *(Control("eq9", 0.1, *gains) for gains in GAINS[:2]),
 )
 STORY = (SANDS[5], 47.0, Control("true", 0.2, 0.1, 1.0))
-"""Where the story comes out at its clearest."""
+"""The drive in which the paper's result appears most clearly: sand, wall angle [deg], control."""
 SHOWN = {
     "Table 1, walls 30 deg:\nwithout control": (SANDS[0], 30.0, Control("none")),
     "Table 1, walls 30 deg:\ntrue slip, S_d = 0.1": (SANDS[0], 30.0, Control("true")),
     "50 % of a stiff sand's shear lost, walls 47 deg:\nwithout control": (*STORY[:2], Control("none")),
     "50 % of a stiff sand's shear lost, walls 47 deg:\ntrue slip, S_d = 0.2": STORY,
 }
-"""The drives of the figure."""
+"""The drives of the figure: title -> sand, wall angle [deg], control."""
 
 
 def main() -> None:
-    """Compute, write and print."""
+    """Drive all cases of the map, write the tables and figures, and print the summary."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a map of two sands, two walls and three controls")
     parser.add_argument("--out", type=Path, default=Path("out/fig10_ditch"))
@@ -135,50 +141,56 @@ def main() -> None:
 
 @lru_cache(maxsize=32)
 def prepared(sand: Sand, kind: str) -> Scenario:
-    """Return the drive of this sand and kind of control; walls and gains are put in later."""
-    made = scenario("ditch", soil="table-1", **sand.settings, control=kind, duration=DURATION)
-    return dataclasses.replace(made, model=made.model.having(sand.loss)) if sand.loss else made
+    """Return the ditch scenario of this sand and kind of control. `case_of` sets the wall angle and the gains later."""
+    base = scenario("ditch", soil="table-1", **sand.settings, control=kind, duration=DURATION)
+    return dataclasses.replace(base, model=base.model.having(sand.loss)) if sand.loss else base
 
 
 def case_of(sand: Sand, wall: float, control: Control) -> Scenario:
-    made = prepared(sand, control.kind)
-    model, law = made.model.replace(terrain=ditch(wall_angle=math.radians(wall))), made.controller
+    """Return the scenario of one map cell, with its wall angle [deg] and its gains."""
+    base = prepared(sand, control.kind)
+    model, law = base.model.replace(terrain=ditch(wall_angle=math.radians(wall))), base.controller
     if isinstance(law, SlipControl):
         gains = law.gains.replace(S_d=control.S_d, k_p=control.k_p, k_i=control.k_i)
         law = dataclasses.replace(law, gains=gains, integral=0.0)
-    return dataclasses.replace(made, model=model, controller=law)
+    return dataclasses.replace(base, model=model, controller=law)
 
 
 def time_out(trace: Trace) -> float:
-    """Return when the rover is out [s]; NaN if it is not."""
+    """Return the time at which the rover is out of the ditch [s], or NaN if the rover stays in."""
     past = np.flatnonzero(trace["body_x"] > OUT_AT)
     return float(trace.t[past[0]]) if past.size else math.nan
 
 
 def planned(quick: bool) -> list[tuple[Sand, float, Control]]:
+    """Return the cells of the map: (sand, wall angle [deg], control)."""
     if quick:
-        few = (CONTROLS[0], STORY[2], CONTROLS[-1])
-        return [(sand, wall, each) for sand in (SANDS[0], STORY[0]) for wall in sand.walls[6:8] for each in few]
+        controls = (CONTROLS[0], STORY[2], CONTROLS[-1])
+        return [
+            (sand, wall, chosen) for sand in (SANDS[0], STORY[0]) for wall in sand.walls[6:8] for chosen in controls
+        ]
     return [(sand, wall, control) for sand in SANDS for wall in sand.walls for control in CONTROLS]
 
 
 def outcome(case: Scenario, sand: Sand, wall: float, control: Control) -> dict[str, Any]:
-    """Return a row of the map: the drive at the step and at half of it."""
+    """Return one row of the map, from a drive at the step and a drive at half the step."""
     traces = [case.drive(), dataclasses.replace(case, timing=case.timing.with_half_step()).drive()]
     times = [time_out(trace) for trace in traces]
-    got = [math.isfinite(each) for each in times]
+    # The two step sizes must agree; otherwise the outcome is numerical and counts as open.
+    got = [math.isfinite(time) for time in times]
     verdict = "open" if got[0] != got[1] else "out" if got[0] else "stuck"
     end = {"end_x_m": float(traces[1]["body_x"][-1]), "stop": traces[1].attrs["stop"]}
-    made = {"sand": sand.label, "wall_deg": wall, "control": control.label, **control._asdict()}
-    return made | {"verdict": verdict, "out_s": times[0], "out_half_dt_s": times[1], **end}
+    cell = {"sand": sand.label, "wall_deg": wall, "control": control.label, **control._asdict()}
+    return cell | {"verdict": verdict, "out_s": times[0], "out_half_dt_s": times[1], **end}
 
 
 def outcomes(plan: list[tuple[Sand, float, Control]], workers: int, csv: Path) -> pd.DataFrame:
-    found = Parallel(n_jobs=workers, return_as="generator", batch_size=4)(
-        delayed(outcome)(case_of(*each), *each) for each in plan
+    """Drive every cell of the map in parallel and return the table; the CSV is updated after every 20 cells."""
+    results = Parallel(n_jobs=workers, return_as="generator", batch_size=4)(
+        delayed(outcome)(case_of(*cell), *cell) for cell in plan
     )
     rows = []
-    for row in found:
+    for row in results:
         rows.append(row)
         table = pd.DataFrame(rows).round(4)
         if len(rows) % 20 == 0 or len(rows) == len(plan):
@@ -188,9 +200,10 @@ def outcomes(plan: list[tuple[Sand, float, Control]], workers: int, csv: Path) -
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return, per sand, which walls are passed without control, and what control adds and takes away."""
+    """Return, for each sand, the walls passed without control and the drives that control rescues and loses."""
     rows = []
     for sand, part in table.groupby("sand", sort=False):
+        # Each controlled drive is compared with the uncontrolled drive at the same wall angle.
         bare = part[part.kind == "none"].set_index("wall_deg").verdict
         controlled = part[part.kind != "none"]
         before = controlled.wall_deg.map(bare)
@@ -212,12 +225,13 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def shown() -> dict[str, tuple[Scenario, Trace]]:
-    """Return the drives of the figure."""
-    cases = {title: case_of(*each) for title, each in SHOWN.items()}
+    """Return the drives of the figure: title -> scenario and trace."""
+    cases = {title: case_of(*cell) for title, cell in SHOWN.items()}
     return {title: (case, case.drive()) for title, case in cases.items()}
 
 
 def histories(traces: dict[str, tuple[Scenario, Trace]]) -> pd.DataFrame:
+    """Return slip, duty and wheel rate of the left wheels over time for each drive of the figure."""
     parts = []
     for title, (_, trace) in traces.items():
         part = {
@@ -236,6 +250,7 @@ def histories(traces: dict[str, tuple[Scenario, Trace]]) -> pd.DataFrame:
 
 
 def draw_story(traces: dict[str, tuple[Scenario, Trace]]) -> Figure:
+    """Draw the drives of the figure: snapshots, slip, speed and rim speeds, one column for each drive."""
     figure = Figure(figsize=(18, 9), layout="constrained")
     axes = figure.subplots(4, len(traces), sharey="row")
     for column, (title, (case, trace)) in zip(axes.T, traces.items(), strict=True):
@@ -248,23 +263,25 @@ def draw_story(traces: dict[str, tuple[Scenario, Trace]]) -> Figure:
         column[1].set(ylim=(-0.3, 1.05))
         column[2].set(ylim=(-45, 190))
         column[3].set(xlabel="t [s]", ylim=(-45, 110))
-        for each in column[1:]:
-            each.set_xlim(0, 35)
-            each.grid(alpha=0.3)
+        for axis in column[1:]:
+            axis.set_xlim(0, 35)
+            axis.grid(alpha=0.3)
     labels = ("z [m]", "slip of the middle wheel [-]", "speed [mm/s]", "rim speeds [mm/s]")
-    for each, label in zip(axes[:, 0], labels, strict=True):
-        each.set_ylabel(label)
+    for axis, label in zip(axes[:, 0], labels, strict=True):
+        axis.set_ylabel(label)
     axes[3, 0].legend(fontsize=8, ncols=3, loc="upper left")
     return figure
 
 
 def snapshots(axes: Axes, case: Scenario, trace: Trace) -> None:
+    """Draw the rover at three positions in the ditch, with the time of each."""
     low, high = -0.05, 1.25
     x, z = ground_line(case.model.terrain, low, high, 0.16)
     axes.fill_between(x, z, -0.09, color="#d9c9a5", lw=0)
     axes.plot(x, z, color="#8a7340", lw=1)
     places = np.linspace(0.2, min(1.0, float(np.max(trace["body_x"]))), 3)
     for colour, place in zip(("0.6", "0.35", "0.0"), places, strict=True):
+        # The body may roll back, so the first passage is searched in the running maximum of x.
         at = int(np.searchsorted(np.maximum.accumulate(trace["body_x"]), place - 1e-9))
         draw_rover(axes, case.model.rover, configuration(case.model.rover, trace, min(at, len(trace.t) - 1)), colour)
         axes.text(place, 0.16, f"{trace.t[min(at, len(trace.t) - 1)]:.0f} s", ha="center", fontsize=9, color=colour)
@@ -272,6 +289,7 @@ def snapshots(axes: Axes, case: Scenario, trace: Trace) -> None:
 
 
 def draw_map(table: pd.DataFrame) -> Figure:
+    """Draw one map panel for each sand."""
     sands = list(dict.fromkeys(table.sand))
     # One panel above the other: on a page of 690 pixels, two panels side by side have letters of 5 pixels.
     figure = Figure(figsize=(8.0, 3.1 * len(sands)), layout="constrained")
@@ -284,13 +302,13 @@ def draw_map(table: pd.DataFrame) -> Figure:
 
 
 def panel(axes: Axes, part: pd.DataFrame, title: str) -> None:
-    """Draw one sand: walls from left to right, controls from top to bottom."""
+    """Draw the panel of one sand, with walls from left to right and controls from top to bottom."""
     walls, controls = sorted(part.wall_deg.unique()), list(dict.fromkeys(part.control))
     colours = {"out": "#9ecae1", "stuck": "#fdd0a2", "open": "#d8d8d8"}
-    for each in part.itertuples():
-        at = walls.index(each.wall_deg), controls.index(each.control)
-        axes.add_patch(Rectangle((at[0] - 0.48, at[1] - 0.48), 0.96, 0.96, color=colours[each.verdict], lw=0))
-        word = {"out": f"{each.out_s:.0f}", "stuck": "x", "open": "?"}[each.verdict]
+    for cell in part.itertuples():
+        at = walls.index(cell.wall_deg), controls.index(cell.control)
+        axes.add_patch(Rectangle((at[0] - 0.48, at[1] - 0.48), 0.96, 0.96, color=colours[cell.verdict], lw=0))
+        word = {"out": f"{cell.out_s:.0f}", "stuck": "x", "open": "?"}[cell.verdict]
         axes.text(*at, word, ha="center", va="center", fontsize=9.5)
     axes.set(xlim=(-0.5, len(walls) - 0.5), ylim=(len(controls) - 0.5, -0.5), title=title, xlabel="wall angle [deg]")
     axes.set_xticks(range(len(walls)), [f"{wall:g}" for wall in walls])

@@ -1,26 +1,28 @@
-"""Fig 10's story: on which unstated numbers does it hinge?
+"""Fig 10: on which unstated numbers does the paper's result depend?
 
 Question
-    `fig10_ditch.py` finds the paper's story, stuck with constant duty and out with slip control, in a window of wall
-    angles on a sand that loses half of its shear past the peak. How wide is that window when one number is changed?
+    `fig10_ditch.py` finds the paper's result, stuck with constant duty and out with slip control, in a window of wall
+    angles on a sand that loses half of its shear strength past the peak. How wide is that window when one number is
+    changed?
 Method
-    One change at a time from that sand (k = 2.5 mm, R = 0.03, 50 % lost with S_w = 0.4, relaxed slip, true slip fed
-    back, S_d = 0.2). The least wall at which constant duty is stuck is sought by bisection to 0.5 deg; from there on,
-    in steps of 0.5 deg, three sets of gains are tried, until none of them gets the rover out at two walls in turn. All
-    outcomes hold at the step and at half of it; what differs between them counts as no rescue.
+    One number at a time is changed from that sand (k = 2.5 mm, R = 0.03, 50 % lost with S_w = 0.4, relaxed slip, true
+    slip fed back, S_d = 0.2). Bisection to 0.5 deg finds the smallest wall angle at which constant duty is stuck. From
+    there on, in steps of 0.5 deg, three sets of gains are tried, until none of them gets the rover out at two walls in
+    a row. All outcomes must hold at the step and at half the step; outcomes that differ between them do not count as a
+    rescue.
 Result
-    As it is: stuck from 46.5, out under control up to 48 deg, a window of 2 deg, 12 of 18 drives rescued. With the
-    paper's S_d = 0.1 1 of 9, at 46.5 deg. None with the slip of Eq 9, with no loss (stuck from 62 deg), with k = 10 mm,
-    or with R at F(0.05) of this k (0.34: the duty does not even pass 27 deg). 20 % lost: 0.5 deg, 30 %: 1.5 deg. S_w =
-    0.2: 1.5 deg from 40 deg on; S_w = 1: 0.5 deg. k = 5 mm: 1 deg. R = 0.10 instead of 0.03: 9 deg, from 37.5 to 46
-    deg, 43 of 60 drives. Slip by Eq 1 itself: 3.5 deg. The torque limit changes nothing. So the story needs a strength
-    loss of 20 % or more at a k of 5 mm or less, an S_d above the paper's (but for one drive), and the true slip; its
-    width hinges on the resistance R.
+    Unchanged: stuck from 46.5 deg, out under control up to 48 deg, a window of 2 deg, 12 of 18 drives rescued. With the
+    paper's S_d = 0.1 1 of 9, at 46.5 deg. No rescue with the slip of Eq 9, without a loss (stuck from 62 deg), with k =
+    10 mm, or with R = F(0.05) of this k (0.34: the duty does not even pass 27 deg). 20 % lost: 0.5 deg, 30 %: 1.5 deg.
+    S_w = 0.2: 1.5 deg from 40 deg on; S_w = 1: 0.5 deg. k = 5 mm: 1 deg. R = 0.10 instead of 0.03: 9 deg, from 37.5 to
+    46 deg, 43 of 60 drives. Slip by Eq 1 itself: 3.5 deg. The torque limit has no effect. The result therefore needs a
+    strength loss of 20 % or more at a k of 5 mm or less, an S_d above the paper's (except for one drive), and the true
+    slip. The width of the window depends on the resistance R.
 What the paper says
-    Nothing of wall angle, gains or strength lost; of the soil k = 0.05 m, where none of this happens; S_d = 0.1.
+    The paper states no wall angle, gains or strength loss. It states k = 0.05 m, where no rescue occurs, and S_d = 0.1.
 What differs
-    The story is possible, not predicted: none of the numbers that it needs is in the paper, and two that are there
-    (k, S_d) speak against it.
+    The result is possible, not predicted: the paper contains none of the numbers that the result needs, and two stated
+    numbers (k, S_d) contradict it.
 
 Run: python studies/fig10_hinges.py [--quick] [--out DIR] [--workers N]
 """
@@ -52,7 +54,7 @@ GAINS = ((0.1, 0.3), (0.1, 1.0), (0.3, 3.0))
 
 
 class Change(NamedTuple):
-    """A variant of the story's sand and control."""
+    """A variant of the sand and the control, with one number changed."""
 
     label: str
     settings: dict[str, Any] = {}  # noqa: RUF012 - never changed
@@ -80,7 +82,7 @@ CHANGES = (
 
 
 def main() -> None:
-    """Compute, write and print."""
+    """Find the window of each change, write table and figure, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one change only")
     parser.add_argument("--out", type=Path, default=Path("out/fig10_hinges"))
@@ -88,7 +90,7 @@ def main() -> None:
     options = parser.parse_args()
     changes = CHANGES[9:10] if options.quick else CHANGES
     csv, rows = options.out / "fig10_hinges.csv", []
-    for row in Parallel(n_jobs=options.workers, return_as="generator")(delayed(window)(each) for each in changes):
+    for row in Parallel(n_jobs=options.workers, return_as="generator")(delayed(window)(change) for change in changes):
         rows.append(row)
         table = pd.DataFrame(rows)
         write_csv(table, csv)
@@ -99,30 +101,31 @@ def main() -> None:
 
 
 def base_of(change: Change, kind: str) -> Scenario:
-    """Return the drive of a change with a kind of control, its walls and gains still to be put in."""
+    """Return the drive of a change with a kind of control. Walls and gains are set later."""
     settings = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03, **change.settings}
-    made = scenario("ditch", soil="table-1", **{**settings, "control": kind}, duration=DURATION)
+    base = scenario("ditch", soil="table-1", **{**settings, "control": kind}, duration=DURATION)
     fraction, S_w = change.loss
-    model = made.model.having(PostPeak(fraction=fraction, S_w=S_w))
-    return dataclasses.replace(made, model=model)
+    model = base.model.having(PostPeak(fraction=fraction, S_w=S_w))
+    return dataclasses.replace(base, model=model)
 
 
 def gets_out(case: Scenario, wall: float) -> list[bool]:
-    """Return whether the rover gets out at the step, and at half of it."""
+    """Return whether the rover gets out, at the step and at half the step."""
     model = case.model.replace(terrain=ditch(wall_angle=math.radians(wall)))
     timings = (case.timing, case.timing.with_half_step())
     cases = [dataclasses.replace(case, model=model, timing=timing) for timing in timings]
-    traces = [each.drive(measure_error=False) for each in cases]
+    traces = [drive.drive(measure_error=False) for drive in cases]
     return [bool(np.any(trace["body_x"] > OUT_AT)) for trace in traces]
 
 
 def least_stuck(bare: Scenario) -> float:
-    """Return the least wall angle [deg] at which constant duty is stuck, to STEP; infinite if none is."""
+    """Return the smallest wall angle [deg] at which constant duty is stuck, to STEP; infinite if it never is."""
     if not any(gets_out(bare, GENTLEST)):
         return GENTLEST
     low, high = GENTLEST, STEEPEST
     if any(gets_out(bare, high)):
         return math.inf
+    # Bisection on multiples of STEP, so that all changes are compared on the same angles.
     while high - low > STEP:
         middle = low + STEP * round(0.5 * (high - low) / STEP)
         low, high = (middle, high) if any(gets_out(bare, middle)) else (low, middle)
@@ -130,13 +133,14 @@ def least_stuck(bare: Scenario) -> float:
 
 
 def window(change: Change) -> dict[str, Any]:
-    """Return the row of a change: where constant duty is stuck, and up to where control gets out."""
+    """Return the row of a change: the wall angles at which constant duty is stuck and control gets out."""
     limit = least_stuck(base_of(change, "none"))
     kind = change.settings.get("control", "true")
     rescued: dict[float, int] = {}
     misses, wall = 0, limit
+    # Two walls in a row without a rescue end the window.
     while misses < 2 and wall < STEEPEST:
-        rescued[wall] = sum(all(gets_out(each, wall)) for each in controlled(change, kind))
+        rescued[wall] = sum(all(gets_out(drive, wall)) for drive in controlled(change, kind))
         misses = 0 if rescued[wall] else misses + 1
         wall += STEP
     last = max((wall for wall, count in rescued.items() if count), default=math.nan)
@@ -152,24 +156,25 @@ def window(change: Change) -> dict[str, Any]:
 
 
 def controlled(change: Change, kind: str) -> list[Scenario]:
-    """Return the change's drives under slip control, one a set of gains."""
-    made = base_of(change, kind)
-    law = made.controller
+    """Return the change's drives under slip control, one for each set of gains."""
+    base = base_of(change, kind)
+    law = base.controller
     limit = law.limit if change.limited else NoLimit()
     laws = [SlipControl(Gains(S_d=change.S_d, k_p=k_p, k_i=k_i), law.estimate, limit) for k_p, k_i in GAINS]
-    return [dataclasses.replace(made, controller=each) for each in laws]
+    return [dataclasses.replace(base, controller=controller) for controller in laws]
 
 
 def draw(table: pd.DataFrame) -> Figure:
+    """Draw the window of each change over the wall angle."""
     figure = Figure(figsize=(10, 0.42 * len(table) + 1.6), layout="constrained")
     axes = figure.subplots()
-    for row, each in enumerate(table.itertuples()):
-        end = min(each.stuck_from_deg, STEEPEST)
+    for row, outcome in enumerate(table.itertuples()):
+        end = min(outcome.stuck_from_deg, STEEPEST)
         axes.barh(row, end - 25.0, left=25.0, color="#a8d5a2", height=0.7)
-        axes.barh(row, each.window_deg, left=end, color="tab:blue", height=0.7)
-        axes.barh(row, STEEPEST - end - each.window_deg, left=end + each.window_deg, color="#e8b4ae", height=0.7)
-        if each.window_deg:
-            axes.text(end + each.window_deg + 0.4, row, f"{each.window_deg:g} deg", va="center", fontsize=9)
+        axes.barh(row, outcome.window_deg, left=end, color="tab:blue", height=0.7)
+        axes.barh(row, STEEPEST - end - outcome.window_deg, left=end + outcome.window_deg, color="#e8b4ae", height=0.7)
+        if outcome.window_deg:
+            axes.text(end + outcome.window_deg + 0.4, row, f"{outcome.window_deg:g} deg", va="center", fontsize=9)
     axes.set_yticks(range(len(table)), table.change)
     axes.set(xlabel="wall angle [deg]", xlim=(25.0, STEEPEST), ylim=(len(table) - 0.5, -0.5))
     axes.set_title("green: constant duty gets out; blue: only slip control does; red: stuck", fontsize=10)

@@ -1,14 +1,14 @@
-"""Fig 3: the load-traction factor against slip for various k, in the three readings of the factor.
+"""Fig 3: the load-traction factor against slip for various k, in the three forms of the factor.
 
 Question
-    What family of curves do Eqs (2)-(7) give "by changing S and k, while holding other parameters constant at c = 0.005
-    N/m^2, phi = 30 deg, theta_1 = 35 deg, theta_2 = -5 deg"?
+    Which family of curves do Eqs (2)-(7) give "by changing S and k, while holding other parameters constant at c =
+    0.005 N/m^2, phi = 30 deg, theta_1 = 35 deg, theta_2 = -5 deg"?
 Method
     `load_traction_factor` for r = 45 mm and the missing n = 1 (assumed), in the net, torque and gross form.
 Result
-    All three are a family over k and rise with S. The net form, F = f_t / f_n to the letter, is negative for Table 1's
-    k = 0.05 m until S = 0.99, because theta_1 = 35 deg makes the compaction resistance large and r / k = 0.9 leaves the
-    shear unfinished; the torque form, T / (r f_n), runs from 0.018 to 0.182.
+    All three forms give a family over k, and all rise with S. The net form, F = f_t / f_n as printed, is negative for
+    Table 1's k = 0.05 m until S = 0.99, because theta_1 = 35 deg makes the compaction resistance large, and at r / k =
+    0.9 the shear is not fully developed. The torque form, T / (r f_n), goes from 0.018 to 0.182.
 What the paper says
     "the vertical axis indicates the ratio of the traction force (drawbar pull) and normal force": the net form.
 What differs
@@ -41,7 +41,7 @@ TITLES = {
 
 
 def main() -> None:
-    """Compute, write and print."""
+    """Compute the curves, write them with the figure, and print the factors at four slips."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="11 slips instead of 101")
     parser.add_argument("--out", type=Path, default=Path("out/fig3"))
@@ -56,6 +56,7 @@ def main() -> None:
 
 
 def family(slips: np.ndarray) -> pd.DataFrame:
+    """Return F over slip for each form and k."""
     rows = [
         (name, k, S, load_traction_factor(float(S), TABLE_1.replace(k=k / 1000), NEXUS6_WHEEL, form))
         for name, form in FORMS.items()
@@ -66,6 +67,7 @@ def family(slips: np.ndarray) -> pd.DataFrame:
 
 
 def draw(curves: pd.DataFrame, path: Path) -> None:
+    """Draw F over slip for each k, one panel for each form."""
     figure, axes = plt.subplots(1, 3, figsize=(12, 4.4), sharey=True, layout="constrained")
     colours = plt.get_cmap("viridis")(np.linspace(0, 0.9, len(K_MM)))
     for axis, (name, title) in zip(axes, TITLES.items(), strict=True):

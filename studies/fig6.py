@@ -1,21 +1,22 @@
-"""Fig 6: the theoretical curve of Table 1 beside what the text says of it.
+"""Fig 6: the theoretical curve of Table 1 compared with the text's statements on it.
 
 Question
-    Does "a theoretical curve that makes a best fit with the experimental plots", drawn with Table 1, do what sections 4
-    and 5 say: rise with the slip, give traction at S = 1, let the rover travel with a slip near 0, hold up to 12 deg?
+    Is "a theoretical curve that makes a best fit with the experimental plots", drawn with Table 1, as sections 4 and 5
+    describe it: does it rise with the slip, give traction at S = 1, let the rover travel with a slip near 0, and hold
+    the rover up to 12 deg?
 Method
-    `load_traction_factor` with Table 1, r = 45 mm, in the net, torque and gross form; n is missing in the paper, so
-    0.5 to 2 is shown as a band around n = 1; the literature's sand of section 4.1 beside it.
+    `load_traction_factor` with Table 1, r = 45 mm, in the net, torque and gross form. The paper does not state n, so
+    0.5 to 2 is shown as a band around n = 1. The literature's sand of section 4.1 is shown for comparison.
 Result
-    Net: -0.164 to +0.001, no traction below S = 0.99. Torque: 0.018 to 0.182 (10.3 deg). Gross: 0.017 to 0.179
-    (10.2 deg). With the literature's phi = 32 deg and k = 25 mm the torque form reaches 0.319.
+    Net: -0.164 to +0.001, no traction below S = 0.99. Torque: 0.018 to 0.182 (10.3 deg). Gross: 0.017 to 0.179 (10.2
+    deg). With the literature's phi = 32 deg and k = 25 mm the torque form reaches 0.319.
 What the paper says
-    "the plots show an increasing trend"; "the traction force exists even at S = 1"; the grip is lost at 12 deg,
-    tan 12 deg = 0.213. "The traction force is evaluated from the angular velocity of the wheel using the
-    characteristics of the corresponding motor", so the plots are of the torque form.
+    "the plots show an increasing trend"; "the traction force exists even at S = 1"; the grip is lost at 12 deg, tan 12
+    deg = 0.213. "The traction force is evaluated from the angular velocity of the wheel using the characteristics of
+    the corresponding motor", so the plots are of the torque form.
 What differs
-    The net form contradicts the slope of 12 deg and travel at small slip; the torque form stops 1.7 deg short of it.
-    The net form would need k = 14.5 mm instead of 50 mm. The measured points are not available as numbers.
+    The net form contradicts the slope of 12 deg and travel at small slip. The maximum of the torque form is 1.7 deg too
+    low. The net form would need k = 14.5 mm instead of 50 mm. The measured points are not available as numbers.
 
 Run: python studies/fig6.py [--quick] [--out DIR]
 """
@@ -42,7 +43,7 @@ SETS = {"table-1": "Table 1", "literature-sand": "literature sand (section 4.1)"
 
 
 def main() -> None:
-    """Compute, write and print."""
+    """Compute the curves, write them with the figure, and print the summary."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="11 slips instead of 101")
     parser.add_argument("--out", type=Path, default=Path("out/fig6"))
@@ -56,6 +57,7 @@ def main() -> None:
 
 
 def theory(slips: np.ndarray) -> pd.DataFrame:
+    """Return F over slip for each soil, exponent n and form."""
     rows = [
         (name, n, form, S, load_traction_factor(float(S), SOILS[name].replace(n=n), NEXUS6_WHEEL, FORMS[form]))
         for name in SETS
@@ -67,6 +69,7 @@ def theory(slips: np.ndarray) -> pd.DataFrame:
 
 
 def summary(curves: pd.DataFrame) -> pd.DataFrame:
+    """Return F at S = 0, 0.1 and 1, whether F rises throughout, and the steepest slope, by soil and form."""
     rows = []
     for (soil, form), curve in curves[curves.n == 1.0].groupby(["soil", "form"], sort=False):
         F = curve.set_index("S").F
@@ -77,6 +80,7 @@ def summary(curves: pd.DataFrame) -> pd.DataFrame:
 
 
 def draw(curves: pd.DataFrame, path: Path) -> None:
+    """Draw F over slip, with the band over n and the slope of Fig 8."""
     figure, axes = plt.subplots(1, 2, figsize=(12, 4.8), sharey=True, layout="constrained")
     for axis, (soil, title) in zip(axes, SETS.items(), strict=True):
         for form, colour in COLOURS.items():

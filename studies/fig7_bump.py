@@ -1,29 +1,29 @@
-"""Fig 7: rocker and bogie angles over a bump, and what the paper's own guess about the obstacle does to them.
+"""Fig 7: rocker and bogie angles over a bump, and the effect of a hard obstacle, which the paper suspects.
 
 Question
-    Does the suspension move as over an obstacle it should, and does a hard obstacle on loose sand, instead of sand all
-    over, change "the time scale" and leave "the overall profile", as the paper supposes of its experiment?
+    Does the suspension move over an obstacle as it should? Does a hard obstacle on loose sand, instead of sand
+    everywhere, change "the time scale" and leave "the overall profile", as the paper supposes of its experiment?
 Method
-    A raised cosine of 0.03 m over 0.3 m (shape and size are not in the paper), across the whole width and under the
-    left wheels only; of sand (Table 1, torque form), and of hard ground between sand. Duty 0.55. "Crossing" is from
-    the front wheels' first touch to the rear wheels' last. Profiles are compared over the place and, with the crossing
-    time scaled to one, over time. Every drive is repeated at half the step.
+    The bump is a raised cosine of 0.03 m over 0.3 m (shape and size are not in the paper), across the full width or
+    under the left wheels only, of sand (Table 1, torque form) or of hard ground between sand. The duty is 0.55.
+    "Crossing" is the time from the front wheels' first touch to the rear wheels' last. Profiles are compared over
+    position, and over time with the crossing time scaled to one. Every drive is repeated at half the step.
 Result
-    Full width: 16.4 s over sand, 13.4 s over the hard bump, 1.23 times as long; left wheels only: 15.6 and 13.7 s, 1.14
-    times. The bogie turns by 15 deg in all four, the rocker by 3.7 (sand) and 4.5 deg (hard, left only). Bogie angles
-    of sand and hard differ by 11.7 deg rms on one clock, by 5.6 with the crossing time scaled to one, by 1.7 over the
-    place (left only: 10.6, 6.5, 4.3). So the guess holds in kind: the ground of the obstacle changes the time
-    scale, much less the profile. How much hinges on the height: 0.02 m 1.15 times, 0.04 m 1.43 times. On sand the
-    one-sided bump also turns the rover: by 15 deg, and at 0.04 m so far that a right wheel runs into the bump's edge.
-    Halving the step changes no crossing time by 0.01 s.
+    Full width: 16.4 s over sand, 13.4 s over the hard bump, 1.23 times as long. Left wheels only: 15.6 and 13.7 s, 1.14
+    times. The bogie turns by 15 deg in all four drives, the rocker by 3.7 deg (sand) and 4.5 deg (hard, left only).
+    Bogie angles on sand and hard ground differ by 11.7 deg rms on one clock, by 5.6 with the crossing time scaled to
+    one, and by 1.7 over position (left only: 10.6, 6.5, 4.3). The paper's supposition is therefore right in kind: the
+    ground of the obstacle changes the time scale, and the profile much less. The ratio depends on the height: 1.15 at
+    0.02 m, 1.43 at 0.04 m. On sand the one-sided bump also turns the rover, by 15 deg, and at 0.04 m so much that a
+    right wheel meets the edge of the bump. At half the step no crossing time changes by 0.01 s.
 What the paper says
     "the time scale, which corresponds to the translational velocity of the rover, has difference between the two
-    although, the overall profile shows good agreement"; "in the simulation, all the surface is modeled as dry sand
-    but, in reality, the obstacle has a hard surface while other flat area is composed by loose sand."
+    although, the overall profile shows good agreement"; "in the simulation, all the surface is modeled as dry sand but,
+    in reality, the obstacle has a hard surface while other flat area is composed by loose sand."
 What differs
-    The figure's numbers are not available, so profiles are compared with each other, not with the paper's. Over an
-    obstacle as wide as the rover both rockers stay at 0 (left and right are the same, and the differential makes one
-    the opposite of the other): rocker angles as in Fig 7 need a one-sided obstacle.
+    The figure's numbers are not available, so profiles are compared with each other and not with the paper's. Over an
+    obstacle as wide as the rover both rockers stay at 0, because left and right are equal and the differential makes
+    one the opposite of the other. Rocker angles as in Fig 7 need a one-sided obstacle.
 
 Run: python studies/fig7_bump.py [--quick] [--out DIR]
 """
@@ -44,20 +44,20 @@ from rover_pin.simulation.trace.trace import Trace
 
 HEIGHT, LENGTH, AT = 0.03, 0.3, 0.5
 REACH = 0.21
-"""From the body's origin to the foremost and rearmost touch of a wheel [m]: half wheelbase and half a wheel."""
+"""Distance from the body's origin to the outermost touch of a wheel [m]: half the wheelbase and half a wheel."""
 WIDTHS = {"bump": "full width", "one-sided-bump": "left wheels only"}
 GROUNDS = {0: ("sand", "tab:orange"), 1: ("hard", "tab:blue")}
 Case = tuple[str, int]
 
 
 def main() -> None:
-    """Compute, write and print."""
+    """Drive over all bumps, write table, histories and figure, and print the comparison."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one step size only, no other heights")
     parser.add_argument("--out", type=Path, default=Path("out/fig7_bump"))
     options = parser.parse_args()
     cases = {(width, ground): over(width, ground) for width in WIDTHS for ground in GROUNDS}
-    traces = {case: each.drive() for case, each in cases.items()}
+    traces = {case: drive.drive() for case, drive in cases.items()}
     table = summary(cases, traces, options.quick)
     csv = write_csv(histories(traces), options.out / "fig7_bump.csv")
     write_csv(table, options.out / "fig7_summary.csv")
@@ -75,46 +75,50 @@ def over(width: str, ground: int, height: float = HEIGHT) -> Scenario:
 
 
 def crossing(trace: Trace) -> tuple[float, float]:
-    """Return when the first wheel comes to the bump and when the last has left it [s]; NaN where it does not."""
+    """Return the times at which the first wheel reaches the bump and the last leaves it [s]; NaN if it does not."""
     places = np.array([AT - REACH, AT + LENGTH + REACH])
+    # The rover may roll back a little, so the first passage is that of the running maximum of x.
     begin, end = np.interp(places, np.maximum.accumulate(trace["body_x"]), trace.t, right=np.nan)
     return float(begin), float(end)
 
 
 def peak(trace: Trace, name: str) -> float:
+    """Return the maximum absolute angle of a channel [deg]."""
     return float(np.degrees(np.max(np.abs(trace[name]))))
 
 
 def summary(cases: dict[Case, Scenario], traces: dict[Case, Trace], quick: bool) -> pd.DataFrame:
+    """Return a row for each bump and height; drives at the usual height are not repeated."""
     rows = []
     heights = (HEIGHT,) if quick else (0.02, HEIGHT, 0.04)
     for width, ground in cases:
         for height in heights:
-            known = height == HEIGHT
-            case = cases[width, ground] if known else over(width, ground, height)
-            rows.append(row(case, traces[width, ground] if known else case.drive(), (width, ground, height), quick))
+            is_usual = height == HEIGHT
+            case = cases[width, ground] if is_usual else over(width, ground, height)
+            rows.append(row(case, traces[width, ground] if is_usual else case.drive(), (width, ground, height), quick))
     return pd.DataFrame(rows)
 
 
 def row(case: Scenario, trace: Trace, names: tuple[str, int, float], quick: bool) -> dict[str, object]:
+    """Return the row of a drive: crossing time, peak angles, and the crossing time at half the step."""
     width, ground, height = names
     begin, end = crossing(trace)
-    made = {
+    cells = {
         "bump": WIDTHS[width],
         "of": GROUNDS[ground][0],
         "height_mm": 1e3 * height,
         "crossing_s": round(end - begin, 2),
     }
-    made |= {f"{each}_deg": round(peak(trace, f"{each}_l"), 1) for each in ("rocker", "bogie")}
-    made |= {f"{each}_deg": round(peak(trace, f"body_{each}"), 1) for each in ("pitch", "yaw")}
+    cells |= {f"{angle_name}_deg": round(peak(trace, f"{angle_name}_l"), 1) for angle_name in ("rocker", "bogie")}
+    cells |= {f"{angle_name}_deg": round(peak(trace, f"body_{angle_name}"), 1) for angle_name in ("pitch", "yaw")}
     if not quick:
         begin, end = crossing(dataclasses.replace(case, timing=case.timing.with_half_step()).drive(measure_error=False))
-        made["crossing_half_dt_s"] = round(end - begin, 2)
-    return made | {"stop": trace.attrs["stop"]}
+        cells["crossing_half_dt_s"] = round(end - begin, 2)
+    return cells | {"stop": trace.attrs["stop"]}
 
 
 def histories(traces: dict[Case, Trace]) -> pd.DataFrame:
-    """Return the angles of all drives over time, one below the other."""
+    """Return the angles of all drives over time, one drive after the other."""
     parts = []
     for (width, ground), trace in traces.items():
         part = pd.DataFrame(
@@ -128,19 +132,21 @@ def histories(traces: dict[Case, Trace]) -> pd.DataFrame:
 
 
 def agreement(sand: Trace, hard: Trace) -> str:
-    """Return how far the two bogie profiles differ over place, over time, and over time scaled by the crossing."""
+    """Return the RMS difference of the two bogie profiles over position, over time, and over scaled time, as text."""
     (a, b), (c, d) = crossing(sand), crossing(hard)
     share = np.linspace(0.0, 1.0, 500)
     x = np.linspace(AT - REACH, AT + LENGTH + REACH, 500)
     angle = "bogie_l"
 
     def apart(first: np.ndarray, second: np.ndarray) -> float:
+        """Return the RMS difference of two angles [deg]."""
         return float(np.degrees(np.sqrt(np.mean((first - second) ** 2))))
 
-    over_place = apart(*(np.interp(x, np.maximum.accumulate(each["body_x"]), each[angle]) for each in (sand, hard)))
-    same_clock = apart(*(np.interp(c + (d - c) * share, each.t, each[angle]) for each in (sand, hard)))
+    over_place = apart(*(np.interp(x, np.maximum.accumulate(trace["body_x"]), trace[angle]) for trace in (sand, hard)))
+    same_clock = apart(*(np.interp(c + (d - c) * share, trace.t, trace[angle]) for trace in (sand, hard)))
+    # Scaled time: each drive from its first to its last touch of the bump.
     pairs = ((sand, a, b), (hard, c, d))
-    scaled = apart(*(np.interp(begin + (end - begin) * share, each.t, each[angle]) for each, begin, end in pairs))
+    scaled = apart(*(np.interp(begin + (end - begin) * share, trace.t, trace[angle]) for trace, begin, end in pairs))
     return (
         f"crossing on sand takes {(b - a) / (d - c):.2f} times as long as over the hard bump; bogies differ (rms) "
         f"by {same_clock:.1f} deg on one clock, {scaled:.1f} deg with time scaled, {over_place:.1f} deg over the place"
@@ -148,6 +154,7 @@ def agreement(sand: Trace, hard: Trace) -> str:
 
 
 def draw(cases: dict[Case, Scenario], traces: dict[Case, Trace]) -> Figure:
+    """Draw the rover over the bump, angles over time and position, and the speed."""
     figure = Figure(figsize=(11, 10.5), layout="constrained")
     axes = figure.subplot_mosaic([["bump", "bump"], ["a", "b"], ["c", "d"]], height_ratios=[1.05, 1, 1])
     outline(axes["bump"], cases["bump", 0], traces["bump", 0])
@@ -177,7 +184,7 @@ def draw(cases: dict[Case, Scenario], traces: dict[Case, Trace]) -> Figure:
 
 
 def outline(axes: object, case: Scenario, trace: Trace) -> None:
-    """Draw the rover's outline at even distances over the bump of sand."""
+    """Draw the rover's outline at equal distances over the bump of sand."""
     low, high = -0.05, 1.3
     x, z = ground_line(case.model.terrain, low, high, 0.16)
     axes.fill_between(x, z, -0.04, color="#d9c9a5", lw=0)

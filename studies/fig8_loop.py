@@ -1,26 +1,28 @@
-"""Fig 8 closes the loop: does the elevation stop with what the loop found, as in the log, and where did it not?
+"""Fig 8 and the loop: does the elevation stop rising in the loop's model, as it does in the log, and in which runs not?
 
 Question
     The paper's experiment: "The elevation stayed constant after t = 30 [s]"; its simulation: "the elevation keeps
-    rising". On a log of such a drive, does the model stop rising once `close-loop` has added what it names?
+    rising". On a log of such a drive, does the model stop rising once `close-loop` has added the effect that it names?
 Method
-    studies/data/steepening-slope (or --log): six drives made by a second simulator with sensors' noise, sand that gives
-    way at once and digs (`DiggingMemory`), k declared too large. Driven freely from their start, at the logged duties,
-    by three models: as declared, with all its numbers fitted but nothing added, and with what the loop added (--found,
-    a folder that `close-loop` wrote; the kept one is studies/results/steepening-slope). Elevation is that of the body;
-    "late" is what it gains in the last 4 of 40 s, "off" its RMS distance from the log.
+    studies/data/steepening-slope (or --log) has six drives made by a second simulator with sensor noise, on sand whose
+    grip builds up at once and that digs (`DiggingMemory`), with k declared too large. Three models are driven freely
+    from the start of each run, at the logged duties: as declared, with all numbers fitted but no effect added, and with
+    the effects from the loop (--found, a folder that `close-loop` wrote; the stored one is
+    studies/results/steepening-slope). Elevation is that of the body. "late" is its gain in the last 4 of 40 s, "off"
+    its RMS distance from the log.
 Result
-    Late, in the two climbs alike (sand raked anew between them): the log 1.7 and 6.0 mm, as declared 15.5, with all
-    numbers fitted 10.5, with what was found 2.7. With a pause: the log -0.9, 19.8, 11.0 and -0.9; up, back and up
-    again: -3.2, 22.3, 14.8 and -1.1. So it no longer keeps rising: the elevation is 1.7, 3.3, 7.0 and 2.5 mm off in the
-    four climbs, as declared 6.7 to 10.5, fitted 1.9 to 6.6. Over a whole run two climbs are no nearer than with the
-    fitted base: the second (1.9 -> 3.3 mm) and that with the pause (3.2 -> 7.0 mm). The two climbs alike stand 11 mm
-    apart (RMS of the place), 3.3 mm in elevation: one sand for both follows neither better than by half of that.
+    Late, in the two equal climbs (sand raked between them): the log 1.7 and 6.0 mm, as declared 15.5, with all numbers
+    fitted 10.5, with the loop's model 2.7. With a pause: the log -0.9, 19.8, 11.0 and -0.9; up, back and up again:
+    -3.2, 22.3, 14.8 and -1.1. The loop's model therefore stops rising. Its elevation is off by 1.7, 3.3, 7.0 and 2.5 mm
+    in the four climbs, against 6.7 to 10.5 as declared and 1.9 to 6.6 fitted. Over a whole run two climbs are not
+    better than with the fitted base: the second (1.9 -> 3.3 mm) and the one with the pause (3.2 -> 7.0 mm). The two
+    equal climbs differ by 11 mm (RMS of the position) and 3.3 mm in elevation, so one sand for both follows neither
+    better than half of that.
 What the paper says
     "the digging and sinking process is not modeled in the simulation"; with the tire near S = 1 "the tire driving force
     exceeded the maximum share force of the soil, then the wheel started to dig a hole and sank".
 What differs
-    The log is simulated, by other code, not measured; sand raked anew differs from run to run.
+    The log is simulated by other code, not measured. Raked sand differs from run to run.
 
 Run: python studies/fig8_loop.py [--quick] [--log FOLDER] [--found FOLDER] [--out DIR]
 """
@@ -46,14 +48,14 @@ from rover_pin.simulation.model.toml_file import read_model
 
 HERE = Path(__file__).parent
 LATE = 4.0
-"""Seconds at the end."""
+"""Duration at the end of a run over which the gain of elevation is measured [s]."""
 DECLARED, FITTED, FOUND = "as declared", "fitted, nothing added", "with what was found"
 Heights = dict[str, dict[str, np.ndarray]]
-"""By run: times `t` [s], and elevations [m] of the `log` and of each model, from where the run began."""
+"""By run: times `t` [s], and elevations [m] of the `log` and of each model above the start of the run."""
 
 
 def main() -> None:
-    """Drive, write and print."""
+    """Replay the runs with the three models, write the table and the figure, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="the same: it takes seconds")
     parser.add_argument("--log", type=Path, default=HERE / "data" / "steepening-slope")
@@ -68,36 +70,36 @@ def main() -> None:
     print(f"written: {csv}, {png}")
 
 
-def driven(log: DriveLog, found: Path) -> Heights:
-    """Return the elevation over time of every run, logged and of the three models driven freely."""
+def driven(log: DriveLog, loop_folder: Path) -> Heights:
+    """Return the elevation over time of every run, from the log and from the three models driven freely."""
     declared = base_model(log)
     experiment: DriveExperiment = experiment_of(logged_runs(log, declared.rover), declared)
-    models = {DECLARED: declared, FITTED: fitted(experiment, declared, found)}
-    models[FOUND] = read_model(found / "model.toml", declared.terrain)
-    made: Heights = {}
+    models = {DECLARED: declared, FITTED: fitted(experiment, declared, loop_folder)}
+    models[FOUND] = read_model(loop_folder / "model.toml", declared.terrain)
+    heights: Heights = {}
     for run in experiment.runs:
-        made[run.name] = {"t": run.commands.t, "log": gained(run.commands.t, run.measured["body_z"])}
+        heights[run.name] = {"t": run.commands.t, "log": gained(run.commands.t, run.measured["body_z"])}
     for label, model in models.items():
         for run, replay in zip(experiment.runs, experiment.free.replays(model), strict=True):
-            made[run.name][label] = gained(run.commands.t, replay.channels["body_z"])
-    return made
+            heights[run.name][label] = gained(run.commands.t, replay.channels["body_z"])
+    return heights
 
 
-def fitted(experiment: DriveExperiment, declared: Model, found: Path) -> Model:
-    """Return the base model with the numbers that the loop fitted to it before it looked for what is missing."""
-    before = json.loads((found / "verdict.json").read_text(encoding="utf-8"))["before"]
+def fitted(experiment: DriveExperiment, declared: Model, loop_folder: Path) -> Model:
+    """Return the base model with the numbers that the loop fitted before it searched for a missing effect."""
+    before = json.loads((loop_folder / "verdict.json").read_text(encoding="utf-8"))["before"]
     start = with_spread(declared)
-    made: Model = experiment.with_values(start, {name: each["value"] for name, each in before.items()})
-    return made
+    model: Model = experiment.with_values(start, {name: entry["value"] for name, entry in before.items()})
+    return model
 
 
 def gained(t: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Return the elevation above that of the first second; the tracker's zero is its own."""
+    """Return the elevation above the mean of the first second. The zero of the tracker is arbitrary."""
     return z - float(np.nanmean(z[t <= t[0] + 1.0]))
 
 
 def rows(heights: Heights) -> pd.DataFrame:
-    """Return what each run gains in its last seconds, and how far the models are off [mm]."""
+    """Return, for each run, the late gain and the RMS difference of each model from the log [mm]."""
     table = []
     for name, run in heights.items():
         row: dict[str, Any] = {"run": name}
@@ -110,7 +112,7 @@ def rows(heights: Heights) -> pd.DataFrame:
 
 
 def late(t: np.ndarray, z: np.ndarray) -> float:
-    """Return what is gained in the last seconds [m], means of a second against noise."""
+    """Return the gain over the last LATE seconds [m], from means over a second, which reduce the noise."""
     end, begin = t > t[-1] - 1.0, np.abs(t - (t[-1] - LATE - 0.5)) <= 0.5
     return float(np.nanmean(z[end]) - np.nanmean(z[begin]))
 

@@ -1,32 +1,35 @@
-"""Fig 8: a slope with increasing inclination: when is the grip lost, how suddenly, and does the rover still climb?
+"""Fig 8: a slope of increasing inclination: where does the grip end, how suddenly, and does the rover continue to rise?
 
 Question
-    Does the slip stay near 0 up to 12 deg, then switch to 1, with the elevation still rising?
+    Does the slip stay near 0 up to 12 deg and then switch to 1, while the elevation continues to rise?
 Method
-    Inclination growing by 10 deg a metre (assumed: 12 deg after 25 s at 0.05 m/s), duty 0.55, 80 s. Table 1 in the
-    three forms of the traction factor; a smaller k; and a sand made to switch: a small k, so that grip comes at little
-    slip, with a small phi, so that it ends low; the same where slipping wheels dig (`DiggingMemory`) or soften the sand
-    (`SlipSoftening`, a as a measured wheel has it). S is that of the left middle wheel, the inclination the terrain's
-    under the body. "Most" is atan F(1); with its resistance R a rover must stop at atan(F(1) - R).
+    The inclination grows by 10 deg a metre (assumed: 12 deg after 25 s at 0.05 m/s), at duty 0.55, for 80 s. The soils
+    are: Table 1 in the three forms of the traction factor; a smaller k; and an invented sand whose slip switches, with
+    a small k, so that grip builds up at little slip, and a small phi, so that its maximum is low. The invented sand is
+    repeated where slipping wheels dig (`DiggingMemory`) or soften the sand (`SlipSoftening`, with a as fitted to a
+    measured wheel). S is that of the left middle wheel; the inclination is the terrain's under the body. "Most" is atan
+    F(1). With its resistance R a rover must stop at atan(F(1) - R).
 Result
     Table 1, torque form: S = 0.05 on the flat, 0.5 at 4.6 deg (23.5 s), 0.9 at 8.0 deg (52.3 s); after 80 s 8.7 deg of
-    at most 8.8 with its R, still rising by 2.6 mm in 10 s. Gross form the same within 0.2 deg. Net form: S = 0.99 on
-    the flat, it does not come to the slope. k = 30 mm instead of 50: 0.5 at 6.8 deg, 11.7 deg after 80 s. Net form with
-    k = 14.5 mm: S = 0.25 on the flat, 0.5 at 5.3 deg, 10.7 deg of at most 12.0. Only the made-up sand (k = 1 mm, phi =
-    13.7 deg) switches: 0.1 at 10.4 deg, 0.5 at 11.9, 0.9 at 11.9; it still rises, by 8.9 mm since then.
-    Fig 8's end comes with wheels that dig: from S = 0.9 at 11.2 deg on the body no longer rises but falls, by 18.9 mm,
-    as a wheel sinks to 32 mm; in the last 10 s by 0.4 mm, and it stands. Sand that slip softens, as measured wheels
-    have it, sinks it to 16 mm: it stands as well, and falls by 1.8 mm since, by 0.5 in the last 10 s. The times at S =
-    0.5 are the same at half the step.
+    a maximum of 8.8 with its R, still rising by 2.6 mm in 10 s. The gross form agrees within 0.2 deg. Net form: S =
+    0.99 on the flat, so the rover does not reach the slope. k = 30 mm instead of 50: 0.5 at 6.8 deg, 11.7 deg after 80
+    s. Net form with k = 14.5 mm: S = 0.25 on the flat, 0.5 at 5.3 deg, 10.7 deg of a maximum of 12.0. Only the invented
+    sand (k = 1 mm, phi = 13.7 deg) switches: 0.1 at 10.4 deg, 0.5 at 11.9, 0.9 at 11.9; the rover still rises, by 8.9
+    mm from there on.
+    Fig 8's end is reproduced with wheels that dig: from S = 0.9 at 11.2 deg on, the body falls by 18.9 mm, while a
+    wheel sinks to 32 mm; in the last 10 s it falls by 0.4 mm, and the rover is at rest. On sand that slip softens, with
+    a as fitted to measured wheels, the wheel sinks to 16 mm. The rover comes to rest as well, falling by 1.8 mm since S
+    = 0.9, and by 0.5 in the last 10 s. The times at S = 0.5 are the same at half the step.
 What the paper says
     Experiment: "the slip ratio stays near 0 before t = 25 [s]"; "at t = 25 [s], the inclination of the slope reaches
     almost 12 degrees. After that the slip ratio increases up to 1"; "the elevation stayed constant after t = 30".
     Simulation: "the slip ratio switches from 0 to 1 at the inclination of 12 degrees"; "the elevation keeps rising
     after switching the value of the slip".
 What differs
-    With Table 1 nothing stays near 0 and nothing switches: the slip grows by 0.1 a degree from the start, and the end
-    lies at 8.8, not 12 deg. Where wheels do not dig the elevation goes on rising, as the paper says of its simulation,
-    ever more slowly. A switch at 12 deg asks for a grip that comes at once and ends low, against Table 1's k and phi.
+    With Table 1 the slip neither stays near 0 nor switches: it grows by 0.1 a degree from the start, and the climb ends
+    at 8.8, not 12 deg. Where wheels do not dig, the elevation continues to rise more and more slowly, as the paper
+    states for its simulation. A switch at 12 deg needs a grip that builds up at once and has a low maximum, which
+    contradicts Table 1's k and phi.
 
 Run: python studies/fig8_slope.py [--quick] [--out DIR]
 """
@@ -55,14 +58,14 @@ TWELVE = 12.0
 
 
 class Reading(NamedTuple):
-    """One reading of Table 1, or a departure from it."""
+    """A variant of the soil and the form: Table 1, or a deviation from it."""
 
     label: str
     settings: dict[str, Any]
 
 
 SWITCHING = {"soil.k": 0.001, "soil.phi_deg": 13.7, "effect.MotionResistance.R": 0.03}
-"""A made-up sand that grips at once and whose grip ends low."""
+"""An invented sand whose grip builds up at little slip and has a low maximum."""
 READINGS = (
     Reading("Table 1, torque form", {}),
     Reading("Table 1, gross form", {"form": "gross"}),
@@ -76,13 +79,15 @@ READINGS = (
 
 
 def main() -> None:
-    """Compute, write and print."""
+    """Drive all variants, write histories, table and figure, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="four readings, 40 s, one step size")
     parser.add_argument("--out", type=Path, default=Path("out/fig8_slope"))
     options = parser.parse_args()
     duration, readings = (40.0, READINGS[::2]) if options.quick else (80.0, READINGS)
-    cases = {each.label: scenario("slope", soil="table-1", **each.settings, duration=duration) for each in readings}
+    cases = {
+        variant.label: scenario("slope", soil="table-1", **variant.settings, duration=duration) for variant in readings
+    }
     traces = {label: case.drive() for label, case in cases.items()}
     table = pd.DataFrame([row(label, cases[label], traces[label], options.quick) for label in cases])
     csv = write_csv(histories(traces), options.out / "fig8_slope.csv")
@@ -98,7 +103,7 @@ def inclination(trace: Trace) -> np.ndarray:
 
 
 def reached(trace: Trace, slip: float) -> tuple[float, float]:
-    """Return the time [s] and inclination [deg] at which the slip is above `slip` from then on; NaN where never."""
+    """Return time [s] and inclination [deg] from which the slip stays above `slip`; NaN if it never does."""
     below = np.flatnonzero(trace["slip_ml"] <= slip)
     first = 0 if below.size == 0 else int(below[-1]) + 1
     if first >= len(trace.t):
@@ -107,7 +112,7 @@ def reached(trace: Trace, slip: float) -> tuple[float, float]:
 
 
 def risen_since(trace: Trace, slip: float) -> float:
-    """Return what the elevation gained [m] since the slip is above `slip` for good; NaN where it never is."""
+    """Return the gain of elevation [m] since the slip stays above `slip`; NaN if it never does."""
     when = reached(trace, slip)[0]
     return float(trace["body_z"][-1] - np.interp(when, trace.t, trace["body_z"]))
 
@@ -119,21 +124,24 @@ def steepest(case: Scenario) -> float:
 
 
 def row(label: str, case: Scenario, trace: Trace, quick: bool) -> dict[str, Any]:
-    made = {"reading": label, "most_deg": steepest(case), "S_10s": float(np.interp(10.0, trace.t, trace["slip_ml"]))}
+    """Return the row of a drive: slip and inclination at several slips, end of the climb, and half-step time."""
+    cells = {"reading": label, "most_deg": steepest(case), "S_10s": float(np.interp(10.0, trace.t, trace["slip_ml"]))}
     for slip in (0.1, 0.5, 0.9):
-        made[f"S{slip}_at_s"], made[f"S{slip}_at_deg"] = reached(trace, slip)
+        cells[f"S{slip}_at_s"], cells[f"S{slip}_at_deg"] = reached(trace, slip)
+    # The rise over the last 10 s shows whether the rover still climbs.
     after = trace["body_z"][-1] - np.interp(trace.t[-1] - 10.0, trace.t, trace["body_z"])
-    made |= {"end_deg": float(inclination(trace)[-1]), "end_S": float(trace["slip_ml"][-1])}
-    made["last_10s_rise_mm"] = 1e3 * float(after)
-    made["since_S0.9_rise_mm"] = 1e3 * risen_since(trace, 0.9)
-    made["sunk_mm"] = 1e3 * float(trace.stack("sinkage")[-1].max())
+    cells |= {"end_deg": float(inclination(trace)[-1]), "end_S": float(trace["slip_ml"][-1])}
+    cells["last_10s_rise_mm"] = 1e3 * float(after)
+    cells["since_S0.9_rise_mm"] = 1e3 * risen_since(trace, 0.9)
+    cells["sunk_mm"] = 1e3 * float(trace.stack("sinkage")[-1].max())
     if not quick:
         half = dataclasses.replace(case, timing=case.timing.with_half_step()).drive(measure_error=False)
-        made["S0.5_at_s_half_dt"] = reached(half, 0.5)[0]
-    return {key: round(value, 3) if isinstance(value, float) else value for key, value in made.items()}
+        cells["S0.5_at_s_half_dt"] = reached(half, 0.5)[0]
+    return {key: round(value, 3) if isinstance(value, float) else value for key, value in cells.items()}
 
 
 def histories(traces: dict[str, Trace]) -> pd.DataFrame:
+    """Return slip, inclination, elevation and speed over time for each variant."""
     parts = []
     for label, trace in traces.items():
         part = {"reading": label, "t_s": trace.t, "slip": trace["slip_ml"], "inclination_deg": inclination(trace)}
@@ -143,6 +151,7 @@ def histories(traces: dict[str, Trace]) -> pd.DataFrame:
 
 
 def draw(traces: dict[str, Trace]) -> Figure:
+    """Draw slip over time and inclination, inclination over time, and elevation over time."""
     figure = Figure(figsize=(12, 8), layout="constrained")
     time_slip, steep_slip, steep_time, height = figure.subplots(2, 2).ravel()
     for (label, trace), colour in zip(traces.items(), COLOURS, strict=False):
@@ -164,7 +173,7 @@ def draw(traces: dict[str, Trace]) -> Figure:
 
 
 def paper(time_slip: Axes, steep_slip: Axes, steep_time: Axes) -> None:
-    """Draw what the text says of its experiment."""
+    """Draw the values that the text states for its experiment."""
     look = {"color": "black", "ls": ":", "lw": 1.4}
     time_slip.plot([0, 25, 30, 40], [0, 0, 1, 1], label="the text, experiment (times)", **look)
     steep_slip.plot([0, TWELVE, TWELVE], [0, 0, 1], **look)

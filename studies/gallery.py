@@ -1,18 +1,18 @@
-"""The gallery: every ready-made scenario, driven as it comes or as its page says, with the pictures of `docs/`.
+"""The gallery: drive every ready-made scenario, at its defaults or with its page's settings, and draw it for `docs/`.
 
 Question
-    What does each scenario look like, and what becomes of the rover in it?
+    What does each scenario look like, and what happens to the rover in it?
 Method
-    Drive the scenarios of `rover-pin list scenarios` but the two that want a file of your own (`polyline`, `grid`), at
-    their settings; those whose picture stands in `docs/gallery.md` with the settings that stand above it.
+    Drive the scenarios of `rover-pin list scenarios`, except the two that need a user's file (`polyline`, `grid`), at
+    their defaults. Scenarios with a picture in `docs/gallery.md` are driven with the settings above the picture.
 Result
-    On slope-sand all are passed, or still climbed when the drive ends; on the paper's sand (Table 1) the ditch, the
-    step and the upper end of the growing slope hold the rover. One-sided ground turns a rover that nobody steers: the
-    rocks by 11 deg in 30 s. `docs/gallery.md` has a line for each.
+    On slope-sand the rover passes all scenarios, or still climbs when the drive ends. On the paper's sand (Table 1) the
+    ditch, the step and the upper end of the growing slope stop the rover. One-sided ground turns a rover that is not
+    steered: the rocks by 11 deg in 30 s. `docs/gallery.md` has a line for each scenario.
 What the paper says
-    Sections 4 and 5 drive a flat, a slope, a bump and a ditch; the test field of section 4 has rocks besides.
+    Sections 4 and 5 drive a flat, a slope, a bump and a ditch; the test field of section 4 also has rocks.
 What differs
-    Sizes of bump, ditch and rocks are not in the paper: they are assumed, and so is where the rover ends.
+    Sizes of bump, ditch and rocks are not in the paper. They are assumed, so the final positions are assumed as well.
 
 Run: python studies/gallery.py [--quick] [--out DIR]; the page has its pictures and studies/results its gallery.csv
 """
@@ -40,11 +40,11 @@ PICTURES = {
     "turn.png": "turn",
     "hills.png": "hills --set rover=cart --set terrain.height=15cm --set duration=12",
 }
-"""Pictures of the page, and what `rover-pin drive` is given for them."""
+"""Pictures of the page -> arguments of `rover-pin drive`."""
 
 
 def main() -> None:
-    """Compute, write and print."""
+    """Drive every scenario, save the pictures, and write and print the outcomes."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="the first second of every drive")
     parser.add_argument("--out", type=Path, default=Path("out/gallery"))
@@ -52,19 +52,19 @@ def main() -> None:
     more = {"duration": 1.0} if options.quick else {}
     words = [*PICTURES.values(), *(name for name in SCENES if name not in WANT_A_FILE)]
     rows = []
-    for each in dict.fromkeys(words):
-        made = drive_of(each, **more)
-        trace = made.drive()
-        rows.append((f"rover-pin drive {each}", trace.attrs["outcome"], float(trace.t[-1])))
-        for file in [file for file, given in PICTURES.items() if given == each]:
-            save(snapshots(trace, made.model), options.out / file)
+    for arguments in dict.fromkeys(words):
+        case = drive_of(arguments, **more)
+        trace = case.drive()
+        rows.append((f"rover-pin drive {arguments}", trace.attrs["outcome"], float(trace.t[-1])))
+        for file in [file for file, words_of_picture in PICTURES.items() if words_of_picture == arguments]:
+            save(snapshots(trace, case.model), options.out / file)
     table = pd.DataFrame(rows, columns=["command", "outcome", "time [s]"])
     write_csv(table[["command", "outcome"]], options.out / "gallery.csv")
     print(table.to_string(index=False))
 
 
 def drive_of(words: str, **more: float) -> Scenario:
-    """Return the drive of a command's words: a scenario, and `--set`s."""
+    """Return the drive for the words of a command: a scenario, and `--set` options."""
     name, *others = shlex.split(words)
     settings = dict(word.split("=", 1) for word in others if word != "--set")
     return scenario(name, **{**settings, **more})

@@ -1,42 +1,44 @@
 """The same drives on Earth, Mars and the Moon, with the paper's fixed angles and with angles that follow the sinkage.
 
 Question
-    What does a smaller gravity change, how much of the answer comes from the fixed theta_1, theta_2 of Table 1, and is
-    the dynamic effect highlighted, as the paper expects: at its own speed, and when the rover is fast?
+    What does a smaller gravity change, how much of the change comes from the fixed theta_1, theta_2 of Table 1, and is
+    the dynamic effect larger, as the paper expects, at the paper's speed and at higher speeds?
 Method
-    Flat, an incline of 6 deg, a bump of sand, a bump of hard ground (0.04 m over 0.3 m), a step of 0.04 m down and the
-    ditch of Fig 10 (walls 30 deg), duty 0.55, torque form. Table 1, but k = 10 mm in the ditch, where Table 1 is stuck
-    everywhere. Motor and R are those for 0.05 m/s at S = 0.05 on the Earth (R = 0.028; 0.12 with k = 10 mm). With
-    "fixed" angles the load decides the sinkage and F(S) does not care; with "sinkage" both angles follow Eq 5 at each
-    instant. Sinkage and slip are means over wheels and time after the first 2 s; "lift-off" is the share of wheels and
-    rows without a normal force, "load swing" the standard deviation of the normal forces over their mean.
-    Fast drives: motors geared to 0.05 to 1 m/s on the Earth's flat, a run-up of 4 m, then the hard bump, or a washboard
-    of sand (5 waves, 20 mm high, 0.3 m long). Angles by sinkage, step 1 ms. Froude number v^2 / (g 0.3 m) of that
-    speed; loads over a sixth of the weight. Everything is repeated at half the step.
-Result
-    Sinkage falls with the weight, as Eq 5 has it: 8.1 mm on Earth, 4.2 on Mars, 2.4 on the Moon. With fixed angles
-    nothing else changes much: flat slip 0.05 everywhere, all drives arrive within 9 % of the Earth's time (the ditch
-    earlier, as the motors have less to pull; the step down 1 % later). With angles that follow the sinkage the Earth is
-    the same, but the shorter contact mobilises less shear: flat slip 0.14 on Mars and 0.21 on the Moon, 6 deg take 0.73
-    and 0.75 instead of 0.52, the bump of sand is passed on Earth only; the ditch takes 24.6 s on Earth, 22.5 s on Mars
-    and 23.8 s on the Moon. No wheel leaves the ground in any of these drives, not even over the step; loads swing by 9
-    to 10 % on Earth and by 15 to 19 % on the Moon there (14 to 18 % at half the step). All times are the same at half
+    The drives are: flat, an incline of 6 deg, a bump of sand, a bump of hard ground (0.04 m over 0.3 m), a step of 0.04
+    m down, and the ditch of Fig 10 (walls 30 deg), at duty 0.55, in the torque form. The soil is Table 1, but k = 10 mm
+    in the ditch, where the rover on Table 1 is stuck everywhere. Motor and R are those for 0.05 m/s at S = 0.05 on
+    Earth (R = 0.028; 0.12 with k = 10 mm). With "fixed" angles the load determines the sinkage, and F(S) does not
+    depend on it. With "sinkage" both angles follow Eq 5 at each instant. Sinkage and slip are means over wheels and
+    time after the first 2 s. "lift-off" is the share of wheels and rows without a normal force. "load swing" is the
+    standard deviation of the normal forces over their mean.
+    Fast drives: motors geared to 0.05 to 1 m/s on the Earth's flat, a run-up of 4 m, and then the hard bump or a
+    washboard of sand (5 waves, 20 mm high, 0.3 m long). The angles follow the sinkage, and the step is 1 ms. The Froude
+    number is v^2 / (g 0.3 m) at that speed. Loads are divided by a sixth of the weight. Everything is repeated at half
     the step.
-    Fast, the Moon is another world. Over the hard bump at 0.2 m/s the loads peak at 1.3, 1.6 and 2.8 times the static
-    ones on Earth, Mars and Moon; at 0.5 m/s at 1.6, 2.6 and 4.6, and lunar wheels are in the air for 2 % of the way's
-    time; at 1 m/s at 2.5, 7.3 and 12.3, with wheels in the air for 0, 12 and 29 %, at most for 0.19 s on Mars and
+Result
+    Sinkage falls with the weight, as Eq 5 predicts: 8.1 mm on Earth, 4.2 on Mars, 2.4 on the Moon. With fixed angles
+    little else changes: flat slip is 0.05 everywhere, and all drives arrive within 9 % of the Earth's time (the ditch
+    earlier, because the motors have less to pull; the step down 1 % later). With angles that follow the sinkage, Earth
+    is unchanged, but the shorter contact mobilises less shear on Mars and the Moon: flat slip is 0.14 on Mars and 0.21
+    on the Moon; the 6 deg incline needs 0.73 and 0.75 instead of 0.52; the bump of sand is passed on Earth only; the
+    ditch takes 24.6 s on Earth, 22.5 s on Mars and 23.8 s on the Moon. No wheel leaves the ground in any of these
+    drives, not even over the step. Loads there swing by 9 to 10 % on Earth and by 15 to 19 % on the Moon (14 to 18 % at
+    half the step). All times are the same at half the step.
+    Fast drives differ strongly on the Moon. Over the hard bump at 0.2 m/s the loads peak at 1.3, 1.6 and 2.8 times the
+    static loads on Earth, Mars and Moon; at 0.5 m/s at 1.6, 2.6 and 4.6, and lunar wheels are in the air for 2 % of the
+    time; at 1 m/s at 2.5, 7.3 and 12.3, with wheels in the air for 0, 12 and 29 %, for a maximum of 0.19 s on Mars and
     0.48 s on the Moon. The washboard lifts wheels on the Moon at 1 m/s only (10 %). No wheel lifts at a Froude number
-    below 0.08. The slow grip shows too: the Moon's rover gets its 1 m/s gear up to 0.68 m/s within 4 m. Shares in the
-    air are the same within 0.002 at half the step, peaks within 4 % (10 % with another damping). A third or three
-    times the assumed damping of the soil changes the share in the air at 1 m/s from 12 to 20 or 10 % on Mars and from
-    29 to 49 or 28 % on the Moon, never from none and never to none.
+    below 0.08. Grip builds up slowly too: with the 1 m/s gear, the rover on the Moon reaches 0.68 m/s within 4 m.
+    Shares in the air agree within 0.002 at half the step, peaks within 4 % (10 % with another damping). A third or
+    three times the assumed damping of the soil changes the share in the air at 1 m/s from 12 to 20 or 10 % on Mars and
+    from 29 to 49 or 28 % on the Moon, never from none and never to none.
 What the paper says
     "the gravity is smaller then a rover bounces more dynamically" (section 1); "the smaller gravity environment such as
     on the Moon or the Mars, where the dynamic effect will be much more highlighted" (section 6). It shows no numbers.
 What differs
-    At 0.05 m/s and with the damping assumed here nothing bounces: the greater "dynamic effect" is a swing of the loads.
-    The larger effect of gravity is in the grip, and it hinges on the angles: fixed ones, as in Table 1, hide it. The
-    bouncing is a matter of speed: some 0.2 to 0.5 m/s on the Moon, where the Earth's rover still rolls.
+    At 0.05 m/s and with the damping assumed here no wheel bounces; the larger "dynamic effect" is a swing of the loads.
+    The larger effect of gravity is on the grip. This effect depends on the angles: fixed angles, as in Table 1, hide
+    it. Bouncing depends on speed: it begins at about 0.2 to 0.5 m/s on the Moon, where the rover on Earth still rolls.
 
 Run: python studies/gravity.py [--quick] [--out DIR]
 """
@@ -69,23 +71,23 @@ SCENES: dict[str, tuple[str, dict[str, Any], float, float]] = {
     "step down, 0.04 m": ("step", {"terrain.height": -0.04}, 40.0, 1.0),
     "ditch, k = 10 mm": ("ditch", {"soil.k": 0.010}, 40.0, 0.95),
 }
-"""Name -> scenario, settings, duration [s], and the place whose passing is timed [m]."""
+"""Name -> scenario, settings, duration [s], and the position whose passing is timed [m]."""
 PLACES = ("earth", "mars", "moon")
 FAST: dict[str, tuple[str, dict[str, Any], float]] = {
     "bump, hard": ("bump", {"terrain.ground": 1}, 1.2),
     "washboard": ("washboard", {"terrain.count": 5}, 2.2),
 }
-"""Name -> scenario, settings, and where the stretch that is judged ends [m]; it begins at FROM."""
+"""Name -> scenario, settings, and end of the evaluated section [m]. The section begins at FROM."""
 SPEEDS, FROM, RUN_UP, LENGTH = (0.05, 0.2, 0.5, 1.0), 0.3, 4.0, 0.3
-"""Speeds on the Earth's flat [m/s], start of the stretch, way to get fast, and length of bump and wave [m]."""
+"""Speeds on the Earth's flat [m/s], start of the evaluated section, run-up, and length of bump and wave [m]."""
 DAMPING = (3.0, 10.0, 30.0)
-"""Damping of the soil [s/m]: assumed 10, a third and three times that."""
+"""Damping of the soil [s/m]: the assumed 10, a third of it, and three times it."""
 FAST_TIMING = Timing(0.001, 0.05, 0.005)
 ANGLES = ("fixed", "sinkage")
 
 
 def main() -> None:
-    """Compute, write and print."""
+    """Drive all slow and fast cases, write tables and figures, and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="flat and ditch, one step size")
     parser.add_argument("--out", type=Path, default=Path("out/gravity"))
@@ -110,7 +112,7 @@ def main() -> None:
 
 
 def fast_drives(speeds: tuple[float, ...], quick: bool) -> tuple[pd.DataFrame, dict[tuple[str, float, str], Trace]]:
-    """Return a row for every scene, speed and place; the fastest on the hard bump also with other dampings."""
+    """Return a row for each scene, speed and place. The fastest hard-bump drives also use other dampings."""
     rows, courses = [], {}
     for scene in FAST:
         for speed in speeds:
@@ -127,13 +129,18 @@ def fast_drives(speeds: tuple[float, ...], quick: bool) -> tuple[pd.DataFrame, d
 
 
 def rushing(scene: str, speed: float, place: str, damping: float) -> Scenario:
-    """Return a drive of the rover with a motor geared to `speed` [m/s], from RUN_UP metres ahead; angles by sinkage."""
+    """Return a fast drive: motor geared to `speed` [m/s], start RUN_UP before the obstacle, angles by sinkage."""
     name, settings, end = FAST[scene]
-    usual = {"gravity": place, "effect.NormalDamping.d": damping, "start.x": -RUN_UP}
+    environment = {"gravity": place, "effect.NormalDamping.d": damping, "start.x": -RUN_UP}
     case = scenario(
-        name, soil="table-1", **as_on_earth(name, settings, "sinkage"), **usual, duration=(end + RUN_UP) / speed + 15.0
+        name,
+        soil="table-1",
+        **as_on_earth(name, settings, "sinkage"),
+        **environment,
+        duration=(end + RUN_UP) / speed + 15.0,
     )
     model = case.model
+    # The operating point at cruise: the torque that the resistance needs under the Earth's weight.
     torque = float(model.effect(MotionResistance).R) * EARTH * model.rover.mass / 6.0 * float(model.rover.wheel.r)
     omega = speed / (1.0 - CRUISE_SLIP) / float(model.rover.wheel.r)
     motor = model.motor.with_operating_point(CRUISE_DUTY, omega, torque)
@@ -141,24 +148,26 @@ def rushing(scene: str, speed: float, place: str, damping: float) -> Scenario:
 
 
 def fast_row(names: tuple[str, float, str, float], trace: Trace, half: Trace | None) -> dict[str, Any]:
+    """Return the row of a fast drive, with the values at half the step if `half` is given."""
     scene, speed, place, damping = names
     g = GRAVITIES[place]
-    made = {"scene": scene, "speed_mps": speed, "place": place, "froude": speed**2 / (g * LENGTH), "d_spm": damping}
-    made |= bouncing(trace, g, FAST[scene][2])
+    cells = {"scene": scene, "speed_mps": speed, "place": place, "froude": speed**2 / (g * LENGTH), "d_spm": damping}
+    cells |= bouncing(trace, g, FAST[scene][2])
     if half is not None:
-        made |= {
+        cells |= {
             f"{name}_half_dt": value for name, value in bouncing(half, g, FAST[scene][2]).items() if name != "in_mps"
         }
-    return {key: round(value, 3) if isinstance(value, float) else value for key, value in made.items()} | {
+    return {key: round(value, 3) if isinstance(value, float) else value for key, value in cells.items()} | {
         "stop": trace.attrs["stop"]
     }
 
 
 def bouncing(trace: Trace, g: float, end: float) -> dict[str, float]:
-    """Return what happens between FROM and `end`: speed on coming in, wheels in the air, peak and swing of loads."""
+    """Return the values between FROM and `end`: entry speed, wheels in the air, peak and swing of loads."""
     there = (trace["body_x"] > FROM) & (trace["body_x"] < end)
     normal = trace.stack("normal")[there]
     off = normal < 1e-6
+    # Longest uninterrupted flight: split each wheel's record at every change between ground and air.
     runs = [len(run) for wheel in off.T for run in np.split(wheel, np.flatnonzero(np.diff(wheel)) + 1) if run[0]]
     return {
         "in_mps": float(trace["body_vx"][there][0]),
@@ -170,39 +179,41 @@ def bouncing(trace: Trace, g: float, end: float) -> dict[str, float]:
 
 
 def driven(scene: str, place: str, angles: str) -> Scenario:
+    """Return the scenario of a slow drive with its angles and its gravity."""
     name, settings, duration, _ = SCENES[scene]
     return scenario(name, soil="table-1", **as_on_earth(name, settings, angles), duration=duration, gravity=place)
 
 
 def as_on_earth(name: str, settings: dict[str, Any], angles: str) -> dict[str, Any]:
-    """Return the settings with these angles and with the resistance that they have under the Earth's loads."""
+    """Return the settings with these angles and with the resistance R found under the Earth's loads."""
     R = float(scenario(name, soil="table-1", **settings, angles=angles).model.effect(MotionResistance).R)
     return {**settings, "angles": angles, "effect.MotionResistance.R": R}
 
 
 def passing(trace: Trace, place: float) -> float:
-    """Return when the body comes past `place` [s]; NaN if it does not."""
+    """Return the time at which the body passes `place` [s], or NaN if it does not."""
     past = np.flatnonzero(trace["body_x"] > place)
     return float(trace.t[past[0]]) if past.size else math.nan
 
 
 def row(names: tuple[str, str, str], case: Scenario, trace: Trace, quick: bool) -> dict[str, Any]:
+    """Return the row of a slow drive: sinkage, slip, time, lift-off, angles and load swing."""
     scene, angles, place = names
     later = trace.t > 2.0
     normal = trace.stack("normal")[later]
-    made = {"scene": scene, "angles": angles, "place": place, "g_mps2": GRAVITIES[place]}
-    made |= {"sinkage_mm": 1e3 * float(np.mean(trace.stack("sinkage")[later]))}
-    made |= {"slip": float(np.mean(trace.stack("slip")[later])), "time_s": passing(trace, SCENES[scene][3])}
-    made |= {
+    cells = {"scene": scene, "angles": angles, "place": place, "g_mps2": GRAVITIES[place]}
+    cells |= {"sinkage_mm": 1e3 * float(np.mean(trace.stack("sinkage")[later]))}
+    cells |= {"slip": float(np.mean(trace.stack("slip")[later])), "time_s": passing(trace, SCENES[scene][3])}
+    cells |= {
         "lift_off": float(np.mean(normal < 1e-6)),
         "bogie_deg": peak(trace, "bogie_l"),
         "pitch_deg": peak(trace, "body_pitch"),
     }
-    made |= {"load_swing": swing(trace)}
+    cells |= {"load_swing": swing(trace)}
     if not quick:
         half = dataclasses.replace(case, timing=case.timing.with_half_step()).drive()
-        made |= {"time_half_dt_s": passing(half, SCENES[scene][3]), "load_swing_half_dt": swing(half)}
-    return {key: round(value, 3) if isinstance(value, float) else value for key, value in made.items()} | {
+        cells |= {"time_half_dt_s": passing(half, SCENES[scene][3]), "load_swing_half_dt": swing(half)}
+    return {key: round(value, 3) if isinstance(value, float) else value for key, value in cells.items()} | {
         "stop": trace.attrs["stop"]
     }
 
@@ -214,10 +225,12 @@ def swing(trace: Trace) -> float:
 
 
 def peak(trace: Trace, name: str) -> float:
+    """Return the maximum absolute angle of a channel [deg]."""
     return float(np.degrees(np.max(np.abs(trace[name]))))
 
 
 def draw(table: pd.DataFrame, traces: dict[tuple[str, str, str], Trace]) -> Figure:
+    """Draw sinkage, slip and time as bars, and the speed over time in the last scene."""
     scenes = list(dict.fromkeys(table.scene))
     figure = Figure(figsize=(13, 8.5), layout="constrained")
     above, below = figure.subfigures(2, 1)
@@ -252,11 +265,11 @@ def draw(table: pd.DataFrame, traces: dict[tuple[str, str, str], Trace]) -> Figu
 
 
 def draw_fast(table: pd.DataFrame, courses: dict[tuple[str, float, str], Trace]) -> Figure:
-    """Draw share of wheels in the air and peak load over speed, and the front wheel's load over the fastest bump."""
+    """Draw wheels in the air and peak load over speed, and the front wheel's load over the fastest bump."""
     figure = Figure(figsize=(13, 4.2), layout="constrained")
     axes = figure.subplots(1, 3)
-    usual = table[table.d_spm == DAMPING[1]]
-    for (scene, place), part in usual.groupby(["scene", "place"]):
+    default_damping = table[table.d_spm == DAMPING[1]]
+    for (scene, place), part in default_damping.groupby(["scene", "place"]):
         look = {
             "color": COLOURS[PLACES.index(place)],
             "ls": "-" if scene == "bump, hard" else "--",
@@ -275,8 +288,8 @@ def draw_fast(table: pd.DataFrame, courses: dict[tuple[str, float, str], Trace])
     title = f"front wheel over the hard bump at {SPEEDS[-1]:g} m/s"
     axes[2].set(xlabel="x of the body [m]", ylabel="load over static load [-]", xlim=(0.2, 1.2), title=title)
     axes[2].legend(fontsize=8)
-    for each in axes:
-        each.grid(alpha=0.3)
+    for axis in axes:
+        axis.grid(alpha=0.3)
     return figure
 
 

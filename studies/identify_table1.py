@@ -1,21 +1,23 @@
-"""Can the points of Fig 6 tell Table 1's k and phi?
+"""Do the points of Fig 6 determine Table 1's k and phi?
 
 Question
-    Section 4.1 reads phi = 30 deg and k = 0.05 m off scattered traction factors. How well do such points tell them?
+    Section 4.1 reads phi = 30 deg and k = 0.05 m from scattered traction factors. How well do such points determine k
+    and phi?
 Method
-    Scattered single measurements are drawn from Table 1 itself (so the truth is known): 11 slips from 0 to 1, 5
-    repeats, scatter 0.067 (assumed), which gives means with an SD of 0.03. `identify` fits k and phi with all other
-    constants held, and once with them as uncertain as nobody's measurement leaves them; the experiment is repeated with
-    fresh scatter, for smaller k, and for the torque form.
+    Scattered single measurements are drawn from Table 1 itself, so the truth is known: 11 slips from 0 to 1, 5 repeats,
+    scatter 0.067 (assumed), which gives means with an SD of 0.03. `identify` fits k and phi with all other constants
+    fixed, and once with the other constants as uncertain as they are without a measurement. The experiment is repeated
+    with fresh scatter, for smaller k, and for the torque form.
 Result
-    See studies/results/commands.toml, `table_1`, and the table that this prints. Of k = 50 mm neither k nor phi is
-    found: only tan(phi) / k shows. 5 mm would be told, 20 mm no longer.
+    See studies/results/commands.toml, `table_1`, and the printed table. For k = 50 mm neither k nor phi is
+    identifiable: only tan(phi) / k is. k = 5 mm would be identifiable, 20 mm is not.
 What the paper says
     "The data plots are relatively scattered, then mean values at each slip ratio are depicted with an error bar
     indicating +-1SD"; "the specific parameters are used [...] as listed in Table 1".
 What differs
-    The paper prints no uncertainty. Where j / k stays small the shear stress is sigma tan(phi) j / k: only the ratio
-    tan(phi) / k shows, and r = 45 mm against k = 50 mm is such a case. Fig 6's own points are not published as numbers.
+    The paper states no uncertainty. Where j / k stays small, the shear stress is sigma tan(phi) j / k, and the points
+    depend on the ratio tan(phi) / k only. r = 45 mm with k = 50 mm is such a case. Fig 6's own points are not published
+    as numbers.
 
 Run: python studies/identify_table1.py [--quick] [--out DIR]
 """
@@ -53,19 +55,20 @@ HELD |= {name: float(getattr(NEXUS6_WHEEL, name)) for name in ("r", "b")}
 
 
 def main() -> None:
+    """Repeat the experiment for every k and form, print the table and one full identification, and draw the figure."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--quick", action="store_true", help="fewer repeated experiments and a coarser map")
     options.add_argument("--out", type=Path, default=Path("out"))
-    asked = options.parse_args()
-    asked.out.mkdir(parents=True, exist_ok=True)
-    repeats, cells = (5, 25) if asked.quick else (100, 70)
+    parsed = options.parse_args()
+    parsed.out.mkdir(parents=True, exist_ok=True)
+    repeats, cells = (5, 25) if parsed.quick else (100, 70)
 
     table = pd.DataFrame([row(K / 1000, form, repeats) for form in FORMS for K in K_MM])
-    table.to_csv(asked.out / "identify_table1.csv", index=False)
+    table.to_csv(parsed.out / "identify_table1.csv", index=False)
     print(table.to_string(index=False, float_format=lambda x: f"{x:.4g}"))
     points = measured(TABLE_1, FORMS[0], seed=1)
     print(f"\nTable 1, net form, one experiment, all constants uncertain:\n{identify(points).report()}")
-    draw(points, repeats, cells).savefig(asked.out / "identify_table1.png", dpi=150)
+    draw(points, repeats, cells).savefig(parsed.out / "identify_table1.png", dpi=150)
 
 
 def measured(soil: Soil, form: TractionForm, seed: int) -> TractionFactors:
@@ -77,20 +80,23 @@ def measured(soil: Soil, form: TractionForm, seed: int) -> TractionFactors:
 
 
 def bench(points: TractionPoints) -> TractionFactors:
+    """Return the experiment that `identify` takes, with Table 1 as the initial soil."""
     return TractionFactors(points, Parts({"soil": TABLE_1, "wheel": NEXUS6_WHEEL}))
 
 
 def factors(slips: np.ndarray, soil: Soil, form: TractionForm = FORMS[0]) -> np.ndarray:
+    """Return the traction factor F at each slip."""
     return np.array([float(load_traction_factor(float(S), soil, NEXUS6_WHEEL, form)) for S in slips])
 
 
 def row(k: float, form: TractionForm, repeats: int) -> dict[str, float | str]:
-    """Return what points without noise would tell at this true k, and how repeated experiments spread."""
+    """Return the result of points without noise at this true k, and the coverage in repeated experiments."""
     soil = TABLE_1.replace(k=k)
     clean = TractionPoints(SLIPS, factors(SLIPS, soil, form), SCATTER / math.sqrt(REPEATS), form=form)
     ideal = identify(bench(clean), fixed=HELD)
     fits = [identify(measured(soil, form, seed), fixed=HELD) for seed in range(repeats)]
     k_row, phi_row = ideal["k"].number, ideal["phi"].number
+    # Coverage: the share of repeated experiments whose 95 % interval contains the truth.
     holds = {name: np.mean([held(fit, name, float(getattr(soil, name))) for fit in fits]) for name in ("k", "phi")}
     return {
         "form": form.name,
@@ -107,11 +113,13 @@ def row(k: float, form: TractionForm, repeats: int) -> dict[str, float | str]:
 
 
 def held(fit: Identification, name: str, truth: float) -> bool:
+    """Return whether the 95 % interval of a number contains the truth."""
     number = fit[name].number
     return number.low <= truth <= number.high
 
 
 def draw(points: TractionFactors, repeats: int, cells: int) -> plt.Figure:
+    """Draw one experiment, the valley of chi2, and the intervals of repeated experiments."""
     figure, axes = plt.subplots(1, 3, figsize=(15, 4.6), layout="constrained")
     draw_points(axes[0], points)
     draw_valley(axes[1], points, cells)
@@ -121,7 +129,7 @@ def draw(points: TractionFactors, repeats: int, cells: int) -> plt.Figure:
 
 
 def draw_points(axis: Axes, bench_: TractionFactors) -> None:
-    """Three soils with one tan(phi) / k: eyes cannot part them."""
+    """Draw the points of one experiment, with three soils of equal tan(phi) / k that the eye cannot distinguish."""
     points, fine, ratio = bench_.points, np.linspace(0, 1, 60), math.tan(float(TABLE_1.phi)) / float(TABLE_1.k)
     axis.errorbar(points.slip, points.factor, points.sd, fmt="ko", capsize=3, label="means +-1 SD of the mean")
     for k, style in ((0.02, "--"), (0.05, "-"), (0.1, ":")):
@@ -132,10 +140,11 @@ def draw_points(axis: Axes, bench_: TractionFactors) -> None:
 
 
 def draw_valley(axis: Axes, bench_: TractionFactors, cells: int) -> None:
-    """chi2 over (k, phi) with the line of constant tan(phi) / k."""
+    """Draw chi2 over (k, phi), with the line of constant tan(phi) / k."""
     k, phi = np.geomspace(0.002, 0.5, cells), np.linspace(3, 60, cells)
     model, noise = bench_.base_model(), bench_.noise()
     models = [bench_.with_values(model, {"soil.k": float(x), "soil.phi": float(y) / DEG}) for y in phi for x in k]
+    # Residuals in units of the noise, summed over the points for every cell of the map.
     rows = noise.white(bench_.observed - bench_.predict(models))
     chi2 = np.sum(rows**2, axis=-1).reshape(cells, cells)
     levels = [0, 1, 3.84, 5.99, 10, 20, 30]
@@ -150,7 +159,7 @@ def draw_valley(axis: Axes, bench_: TractionFactors, cells: int) -> None:
 
 
 def draw_intervals(axis: Axes, repeats: int) -> None:
-    """95 % intervals of k in repeated experiments: what an honest error bar on Table 1 looks like."""
+    """Draw the 95 % intervals of k in repeated experiments, for Table 1 and for a smaller k."""
     for at, (soil, colour) in enumerate(((TABLE_1, "tab:blue"), (SHORT, "tab:orange"))):
         for seed in range(min(repeats, 40)):
             number = identify(measured(soil, FORMS[0], seed), fixed=HELD)["k"].number

@@ -1,19 +1,21 @@
-"""What the loop finds on the measured wheels: probabilities of causes, and errors where nothing was fitted.
+"""Results of the loop on the measured wheels: probabilities of causes, and errors on data that were not fitted.
 
 Question
-    Which causes do the data of measured wheels leave, how probable is each, and what do they take off the error?
+    Which causes are compatible with the data of measured wheels, how probable is each, and by how much do they reduce
+    the error?
 Method
-    `close_the_loop` on every shipped wheel-rig set, and on two pairs of sets jointly, with all its causes: effects and
-    errors of the rig. Errors are of each level predicted by fits to the others; `together` are those of all hypotheses,
-    each level predicted as the other levels weigh them. Beside them what curves of slip, slip angle, load and speed
-    miss, held out alike, and how `together` compares: over all channels of all sets, as the geometric mean.
+    `close_the_loop` runs on every shipped wheel-rig set, and on two pairs of sets jointly, with all its causes: effects
+    and errors of the rig. Each level is predicted by fits to the other levels. `together` is the prediction of all
+    hypotheses, weighted by their probabilities from the other levels. The comparison includes curves of slip, slip
+    angle, load and speed, held out in the same way, and the geometric mean of the error ratio of `together` over all
+    channels of all sets.
 Result
-    studies/results/measured_wheels.csv, which docs/validation.md shows. Of 30 errors over those of curves two are above
-    1.3: braked, pull over a quadratic; smooth, sinkage over a Gaussian process.
+    studies/results/measured_wheels.csv, which docs/validation.md shows. Of 30 error ratios to curves two are above 1.3:
+    braked, pull over a quadratic; smooth, sinkage over a Gaussian process.
 What the paper says
-    Nothing of these wheels.
+    The paper does not use these wheels.
 What differs
-    Loads, wheels and sands are others' than the paper's.
+    Loads, wheels and sands are not those of the paper.
 
 Run: python studies/measured_wheels.py [--quick] [--out DIR]
 """
@@ -45,12 +47,13 @@ SETS = {
     "smooth and lugged": ("cmu-smooth-wheel", "cmu-grousered-wheel"),
 }
 SHOWN = 0.05
-"""Least probability of a cause that the table names."""
+"""Minimum probability of a cause in the table."""
 CURVES = "quadratic", "Gaussian process"
 UNITS = {"drawbar pull": ("N", 1.0), "torque": ("N m", 1.0), "sinkage": ("mm", 1e-3), "side force": ("N", 1.0)}
 
 
 def main() -> None:
+    """Close the loop on every set, write the table after each set, and print the ratios to the curves."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="the smooth wheel alone")
     parser.add_argument("--out", type=Path, default=Path("out/measured_wheels"))
@@ -80,40 +83,42 @@ def row_of(data: str, verdict: Verdict) -> dict[str, str]:
         "after": errors({score.name: score.after for score in verdict.scores}),
         "together": errors(verdict.errors_anew),
         **{
-            curve: errors({one.channel: one.error for one in verdict.baselines if one.curve == curve})
+            curve: errors({baseline.channel: baseline.error for baseline in verdict.baselines if baseline.curve == curve})
             for curve in CURVES
         },
     }
 
 
 def over(rows: Sequence[Mapping[str, str]], curve: str) -> pd.Series:
-    """Return the errors of all hypotheses together over a curve's, by set and channel."""
+    """Return the ratio of the errors of all hypotheses together to a curve's errors, by set and channel."""
     pairs = {row["data"]: (missed(row["together"]), missed(row[curve])) for row in rows}
     return pd.Series(
         {
-            f"{data}, {name}": own[name] / error
-            for data, (own, others) in pairs.items()
+            f"{data}, {name}": together[name] / error
+            for data, (together, others) in pairs.items()
             for name, error in others.items()
         }
     )
 
 
 def missed(text: str) -> dict[str, float]:
-    """Return the error of each channel as a row has it."""
+    """Return the error of each channel from a cell of the table."""
     return {name: float(error) for name, error in re.findall(r"([a-z][a-z ]+) ([\d.e+-]+) ", f"{text} ")}
 
 
 def in_words(ratios: pd.Series) -> str:
-    """Return the geometric mean of ratios and the greatest."""
+    """Return the geometric mean and the maximum of the ratios as text."""
     mean = float(np.exp(np.log(ratios).mean()))
     return f"{mean:.2f} in the geometric mean of {len(ratios)} channels, at most {ratios.max():.2f} ({ratios.idxmax()})"
 
 
 def shown(probabilities: dict[str, float]) -> dict[str, float]:
-    return {name: chance for name, chance in probabilities.items() if chance > SHOWN}
+    """Return the probabilities above SHOWN."""
+    return {name: probability for name, probability in probabilities.items() if probability > SHOWN}
 
 
 def errors(by_channel: dict[str, float]) -> str:
+    """Return the errors by channel as text, in the units of the table."""
     shown_errors = {name: error for name, error in by_channel.items() if name in UNITS}
     return "; ".join(f"{name} {error / UNITS[name][1]:.3g} {UNITS[name][0]}" for name, error in shown_errors.items())
 

@@ -1,29 +1,32 @@
-"""Speed-like or torque-like: what Eq (9) reads with either motor, and with which the paper's sentences come out.
+"""Compare a speed-like and a torque-like motor: the reading of Eq (9), and the paper's sentences that each reproduces.
 
 Question
-    Section 2 calls the duty "effectively in proportion to the driving torque", sections 4.2 and 5 let the wheels of a
-    stuck rover go on turning. Which motor goes with the paper's words, and does either let Eq (9) see the slip?
+    Section 2 calls the duty "effectively in proportion to the driving torque", while in sections 4.2 and 5 the wheels
+    of a stuck rover continue to turn. Which motor agrees with the paper's text, and does Eq (9) see the slip with
+    either?
 Method
-    Two motors that run 0.05 m/s at duty 0.55 and differ in stall torque, 1 and 0.25 N m (simulation/model/motor.py).
-    Rim speed and S_hat of a wheel under a sixth of the weight at duty 0.55, for slips from 0.05 to 1, on Table 1's sand
-    (k = 50 mm) and on a firmer one (k = 10 mm); then the drives of Figs 8 and 10 with either, every out or stuck at the
-    step and at half of it.
+    Two motors that run 0.05 m/s at duty 0.55 differ in stall torque, 1 and 0.25 N m (simulation/model/motor.py). The
+    study computes rim speed and S_hat of a wheel under a sixth of the weight at duty 0.55, for slips from 0.05 to 1, on
+    Table 1's sand (k = 50 mm) and on a firmer sand (k = 10 mm). It then runs the drives of Figs 8 and 10 with either
+    motor. Each outcome, out or stuck, is checked at half the step.
 Result
     On Table 1's sand the rim slows from 52.6 mm/s at S = 0.05 to 46.2 at S = 1 with the speed-like motor and to 25.0
-    with the torque-like one, and S_hat falls from 0.05 to -0.08 and to -1.00: Eq (9) does not see the slip with the one
-    and sees it with the wrong sign with the other. On k = 10 mm it falls from -0.03 to -0.42; the torque-like motor
-    cannot turn the wheel at S = 0.6 and beyond.
-    Speed-like: 11.5 of Fig 8's 12 deg are reached at 56 s; stuck in the ditch of Fig 10, all rims run at 44 to 49 mm/s;
-    where half of the strength is lost, true slip gets out of what duty 0.55 is stuck in; duty 1 and Eq (9) at full duty
-    do.
-    Torque-like: 68 s, 15 to 37 mm/s, and at duties up to 0.55 nothing gets out, because the front and rear wheels are
-    held, not spun. Allowed full duty, true slip gets out, where duty 1 held constant and Eq (9) stay.
-    So the default is speed-like: with it wheels go on turning and the control has a slip to take back, as in the paper.
+    with the torque-like motor. S_hat falls from 0.05 to -0.08 and to -1.00, respectively. Eq (9) does not see the slip
+    with the speed-like motor and reads it with the wrong sign with the torque-like motor. On k = 10 mm S_hat falls from
+    -0.03 to -0.42; the torque-like motor cannot turn the wheel at S = 0.6 and beyond.
+    Speed-like: 11.5 of Fig 8's 12 deg are reached at 56 s. Stuck in the ditch of Fig 10, all rims run at 44 to 49 mm/s.
+    Where half of the strength is lost, control with the true slip leaves a ditch in which duty 0.55 is stuck; duty 1
+    and Eq (9) at full duty leave it as well.
+    Torque-like: 68 s, 15 to 37 mm/s, and at duties up to 0.55 no control leaves the ditch, because the front and rear
+    wheels are blocked and do not spin. With full duty allowed, the true slip leaves it, while constant duty 1 and Eq
+    (9) stay.
+    The default is therefore speed-like: its wheels continue to turn, and the control has a slip to reduce, as in the
+    paper.
 What the paper says
     Section 2: the duty is "effectively in proportion to the driving torque"; section 5: "After the vehicle has stopped,
     the wheel was yet rotating constantly".
 What differs
-    With no motor that has back-EMF does S_hat rise with the slip while the soil's resistance does.
+    While the soil's resistance rises with the slip, S_hat rises with the slip for no motor that has back-EMF.
 
 Run: python studies/motors.py [--quick] [--out DIR]
 """
@@ -70,19 +73,19 @@ CONTROLS: dict[str, dict[str, Any]] = {
 
 
 def main() -> None:
-    """Print and write both tables."""
+    """Compute both tables, write them, and print them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="short drives: shows that it runs")
     parser.add_argument("--out", type=Path, default=Path("out/motors"))
     options = parser.parse_args()
-    read, told = readings(), sentences(0.1 if options.quick else 1.0)
+    read, sentence_table = readings(), sentences(0.1 if options.quick else 1.0)
     plot.write_csv(read, options.out / "eq9.csv")
-    plot.write_csv(told, options.out / "sentences.csv")
+    plot.write_csv(sentence_table, options.out / "sentences.csv")
     for name, table in read.groupby("motor", sort=False):
         print(f"\n{name}: rim speed [mm/s] and S_hat of Eq (9) at duty {CRUISE_DUTY:g}")
         print(table.drop(columns="motor").round(3).to_string(index=False))
     print()
-    print(told.round(2).T.to_string(header=False))
+    print(sentence_table.round(2).T.to_string(header=False))
     figure(read, options.out)
     print(f"\nwritten: {options.out}/eq9.csv, eq9.png, sentences.csv")
 
@@ -103,7 +106,7 @@ def figure(read: pd.DataFrame, out: Path) -> None:
 
 
 def readings() -> pd.DataFrame:
-    """Return rim speed and S_hat against slip: the motor against the torque form's r F(S) W, steady.
+    """Return rim speed and S_hat against slip: the motor's steady speed under the torque form's r F(S) W.
 
     A wheel that its motor cannot turn at that slip has a rim speed of 0 and no S_hat.
     """
@@ -116,6 +119,7 @@ def readings() -> pd.DataFrame:
             load = rover.mass * 9.81 / len(rover.wheels)
             for S in SLIPS:
                 torque = float(load_traction_factor(S, soil, wheel, TorqueTraction())) * float(wheel.r) * load
+                # The torque uses a share of the stall torque; the rest of the duty sets the speed.
                 share = CRUISE_DUTY - torque / float(motor.stall_torque)
                 rim = max(float(wheel.r) * float(motor.no_load_rate) * share, 0.0)
                 S_hat = max(1.0 - CRUISE_SPEED / rim, -1.0) if rim > 0.0 else np.nan
@@ -124,12 +128,12 @@ def readings() -> pd.DataFrame:
 
 
 def sentences(share: float) -> pd.DataFrame:
-    """Return what becomes of the sentences on Figs 8 and 10, a row a motor; drives last `share` of their time."""
+    """Return the results for the sentences on Figs 8 and 10, one row for each motor. `share` scales the durations."""
     return pd.DataFrame([{"motor": name, **slope(name, share), **ditch(name, share)} for name in MOTORS])
 
 
 def slope(motor: str, share: float) -> dict[str, Any]:
-    """Return when and how the slope of 12 deg is reached, on the made-up sand whose slip switches there."""
+    """Return time and slip at which the 12 deg slope is reached, on an invented sand whose slip switches there."""
     trace = scenario("slope", soil="table-1", motor=motor, duration=80.0 * share, **ABRUPT).drive()
     inclination = RATE * np.clip(trace["body_x"] - FOOT, 0.0, None)
     there = np.flatnonzero(inclination >= TWELVE - 0.5)
@@ -143,17 +147,17 @@ def slope(motor: str, share: float) -> dict[str, Any]:
 
 
 def ditch(motor: str, share: float) -> dict[str, Any]:
-    """Return what the wheels do in Table 1's ditch, and what the control rescues where strength is lost."""
+    """Return the wheel speeds in Table 1's ditch, and the outcome of each control where strength is lost."""
     stuck = scenario("ditch", soil="table-1", motor=motor, duration=20.0 * share).drive()
     rims = 45.0 * stuck.stack("wheel_rate")[-1]
-    said = {
+    results = {
         "Fig 10: velocity lost at [s]": first(stuck.t, (stuck.t > 5.0) & (stuck["body_vx"] < 0.002)),
         "Fig 10: slowest and fastest rim, stuck [mm/s]": f"{rims.min():.0f} to {rims.max():.0f}",
     }
     for name, settings in CONTROLS.items():
         drive = scenario("ditch", soil="table-1", motor=motor, duration=40.0 * share, **settings, **LOSING)
-        said[f"Fig 10, half the strength lost: {name}"] = outcome(with_its_table(drive))
-    return said
+        results[f"Fig 10, half the strength lost: {name}"] = outcome(with_its_table(drive))
+    return results
 
 
 def with_its_table(drive: Scenario) -> Scenario:
@@ -161,12 +165,12 @@ def with_its_table(drive: Scenario) -> Scenario:
     if not isinstance(getattr(drive.controller, "estimate", None), TableEstimate):
         return drive
     table = calibrated_table(scenario("flat", soil="table-1").model.replace(motor=drive.model.motor))
-    own = dataclasses.replace(drive.controller.estimate, table=table)  # type: ignore[attr-defined]
-    return dataclasses.replace(drive, controller=dataclasses.replace(drive.controller, estimate=own))  # type: ignore[type-var]
+    estimate = dataclasses.replace(drive.controller.estimate, table=table)  # type: ignore[attr-defined]
+    return dataclasses.replace(drive, controller=dataclasses.replace(drive.controller, estimate=estimate))  # type: ignore[type-var]
 
 
 def outcome(drive: Scenario) -> str:
-    """Return out, stuck, or open where half the step tells another story."""
+    """Return "out" or "stuck", or "open" if half the step gives the other outcome."""
     both = {
         bool(np.any(dataclasses.replace(drive, timing=timing).drive()["body_x"] > OUT_AT))
         for timing in (drive.timing, drive.timing.with_half_step())
@@ -175,7 +179,7 @@ def outcome(drive: Scenario) -> str:
 
 
 def first(t: np.ndarray, true: np.ndarray) -> float:
-    """Return the first time at which it is true, NaN if it never is."""
+    """Return the first time at which a condition is true, or NaN if it never is."""
     return float(t[np.argmax(true)]) if np.any(true) else np.nan
 
 

@@ -1,20 +1,22 @@
-"""How many more measurements tell what is hidden: those that are expected to tell most, or any.
+"""Count the further measurements that identify a hidden law, when the loop proposes them and when they are random.
 
 Question
-    After how many further runs is the hidden law included with probability .95, if each is the one that the loop
-    proposes, and if each is drawn at random from the same list?
+    After how many further runs is the hidden law included with probability .95, if the loop proposes each run, and if
+    each run is drawn at random from the same list?
 Method
-    Wheel rigs by tests/oracle/rig_generator.py: five slips at one load, one effect of the list hidden, soil drawn, its
-    size from the upper half of what studies/blind_rig.py hides, noise FINE times the usual: with that MOST more runs
-    tell nothing. Benches by tests/oracle/pendulum_generator.py: one run with a quarter of its voltages, one law hidden,
-    all noise COARSE times as large. After each run all is weighed anew. Sets that tell at once are passed over. What is
-    not told after MOST more runs counts as MOST + 1.
+    Wheel rigs by tests/oracle/rig_generator.py start with five slips at one load. One listed effect is hidden, the soil
+    is drawn, and the size is from the upper half of the range in studies/blind_rig.py. The noise is FINE times the
+    usual noise, because with the usual noise MOST further runs identify nothing. Benches by
+    tests/oracle/pendulum_generator.py start with one run with a quarter of their voltages, one law hidden, and all
+    noise multiplied by COARSE. After each run all hypotheses are weighed again. Sets whose law is identified at once
+    are skipped. If the law is not identified after MOST further runs, the count is MOST + 1.
 Result
     studies/results/next_run.csv.
 What the paper says
-    Nothing: its conditions are given.
+    The conditions of the paper's tests are given, so it chooses none.
 What differs
-    One run ahead is looked at: where only several together tell, the best first of them may not be seen.
+    The proposal looks one run ahead. If only several runs together identify the law, the proposal may miss the best
+    first run.
 
 Run: python studies/next_run.py [--quick] [--sets N] [--workers N] [--out DIR]
 """
@@ -50,26 +52,29 @@ from rover_pin.simulation.model.effect_files import known_effects
 SURE, MOST = 0.95, 8
 RIG_SEED, BENCH_SEED = 52_000, 76_000
 QUICK = 3
-"""A bench whose law one run tells."""
+"""Seed offset of a bench whose law is identified by one run."""
 FIRST = (-0.15, 0.0, 0.2, 0.4, 0.6)
 """Slips of a rig's first runs, under 25 N."""
 COARSE, FINE = 8, 0.25
-"""Times its generator's usual noise that a bench has, of which else every run tells, and a rig, of which none does."""
+"""Noise of a bench and of a rig, as multiples of their generators' usual noise.
+
+With the usual noise every run of a bench identifies the law, and no run of a rig does.
+"""
 HEADER = ("kind", "seed", "hidden", "proposed", "at random")
 RESULTS = Path(__file__).parent / "results"
 
 
 class Told(NamedTuple):
-    """What is believed after some runs, and what could be measured next."""
+    """The beliefs after some runs, and the runs that could be measured next."""
 
     beliefs: Beliefs
     offer: Offer
     conditions: Mapping[str, Any]
-    "of each run of the offer, by its name"
+    """Conditions of each offered run, by its name."""
 
 
 def main() -> None:
-    """Count runs by both ways, and write and print them."""
+    """Count the runs with and without proposals, and write and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one bench")
     parser.add_argument("--sets", type=int, default=20, help="of each kind that are not told at once")
@@ -81,11 +86,12 @@ def main() -> None:
     if options.quick:
         rows.append(counted("bench", bench, BENCH_SEED + QUICK))
     for kind, (first, make) in {} if options.quick else kinds.items():
+        # Sets whose law is identified at once need no further run and do not count.
         open_sets_of_kind = 0
         for block in range(first, first + 3 * options.sets, options.workers):
             run = Parallel(options.workers, batch_size=1)
-            found = run(delayed(counted)(kind, make, seed) for seed in range(block, block + options.workers))
-            rows += [row for row in found if row[3] or row[4]][: options.sets - open_sets_of_kind]
+            counted_rows = run(delayed(counted)(kind, make, seed) for seed in range(block, block + options.workers))
+            rows += [row for row in counted_rows if row[3] or row[4]][: options.sets - open_sets_of_kind]
             open_sets_of_kind = sum(row[0] == kind for row in rows)
             if open_sets_of_kind == options.sets:
                 break
@@ -101,7 +107,7 @@ def main() -> None:
 
 
 def counted(kind: str, make: Callable[[int], tuple[str, Any]], seed: int) -> tuple[str, int, str, int, int]:
-    """Return the row of a set: how many more runs either way needs."""
+    """Return the row of a set: the number of further runs with proposals and at random."""
     name, after = make(seed)
     needed = [runs_needed(name, after, seed, is_proposed) for is_proposed in (True, False)]
     print(kind, seed, name, *needed, flush=True)
@@ -109,25 +115,26 @@ def counted(kind: str, make: Callable[[int], tuple[str, Any]], seed: int) -> tup
 
 
 def runs_needed(name: str, after: Callable[[list[Any]], Told], seed: int, is_proposed: bool) -> int:
-    """Return how many more runs it takes; `after` tells what is believed after these runs of the list."""
+    """Return the number of further runs; `after` gives the beliefs after the chosen runs of the list."""
     random, chosen = np.random.default_rng([seed, 7]), list[Any]()
-    while (told := after(chosen)).beliefs.inclusion(name) < SURE:
+    while (state := after(chosen)).beliefs.inclusion(name) < SURE:
         if len(chosen) == MOST:
             return MOST + 1
-        best = next_measurement(open_sets(told.beliefs), (told.offer,)) if is_proposed else None
-        drawn = random.choice(told.offer.experiment.folds)
-        chosen.append(told.conditions[drawn if best is None else best.what])
+        best = next_measurement(open_sets(state.beliefs), (state.offer,)) if is_proposed else None
+        drawn = random.choice(state.offer.experiment.folds)
+        chosen.append(state.conditions[drawn if best is None else best.what])
     return len(chosen)
 
 
 def rig(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
-    """Return what a rig hides, and what is believed after runs of its list."""
+    """Return the hidden effect of a rig, and the function that gives the beliefs after runs of its list."""
     make, random = rig_generator(), np.random.default_rng(seed)
     make.SD = tuple(FINE * sd for sd in make.SD)
     name = sorted(LISTED.keys() - {"InterfaceFriction"})[seed % (len(LISTED) - 1)]
     hidden = make.Rig(sizes=drawn_sizes(Hidden(Kind.PAIR, (name,), seed, "white"), random), **drawn_soil(random))
 
     def after(chosen: list[tuple[float, float, float]]) -> Told:
+        """Return beliefs and offer after the first runs and the chosen runs."""
         data = rig_set(make, hidden, [*((25.0, slip, 0.02) for slip in FIRST), *chosen], seed)
         question, offer = (
             RigData(RigExperiment((data,)), RigModel(data.wheel, data.soil())).question(known_effects()),
@@ -141,7 +148,7 @@ def rig(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
 
 
 def rig_set(make: ModuleType, hidden: Any, runs: list[tuple[float, float, float]], seed: int) -> Any:
-    """Return runs (load, slip, travel speed) as the loop reads them, each with noise of its own."""
+    """Return runs (load, slip, travel speed) as the loop reads them, each with its own noise."""
     parts = [
         make.rig_set(hidden, (load,), (slip,), 1, 1000 * seed + at, (v,)) for at, (load, slip, v) in enumerate(runs)
     ]
@@ -153,7 +160,7 @@ def rig_set(make: ModuleType, hidden: Any, runs: list[tuple[float, float, float]
 
 
 def bench(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
-    """Return what a bench hides, and what is believed after runs of its list."""
+    """Return the hidden law of a bench, and the function that gives the beliefs after runs of its list."""
     make = pendulum_generator()
     laws = [law for law in make.LAWS if law != "none"]
     name = laws[seed % len(laws)]
@@ -164,18 +171,19 @@ def bench(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
     measured = observed(make, name, seed, ahead)
 
     def after(chosen: list[int]) -> Told:
+        """Return beliefs and offer after the first run and the chosen runs."""
         which = [0, *chosen]
         folds = tuple(f"run {at}" for at, _ in enumerate(which))
-        own = replace(ahead, folds=folds, time=ahead.time[which], set_values=ahead.set_values[which],
+        measured_runs = replace(ahead, folds=folds, time=ahead.time[which], set_values=ahead.set_values[which],
                       observed=np.array([measured(at, turn) for turn, at in enumerate(which)]))  # fmt: skip
-        beliefs = search_of(own.question(()), quiet).beliefs()
+        beliefs = search_of(measured_runs.question(()), quiet).beliefs()
         return Told(beliefs, Offer(ahead, ahead.noise()), {name: at for at, name in enumerate(ahead.folds)})
 
     return name, after
 
 
 def observed(make: ModuleType, law: str, seed: int, ahead: Pendulum) -> Callable[[int, int], np.ndarray]:
-    """Return what is measured (channels, samples) of each run of a list, noise anew each time."""
+    """Return the function that measures a run of the list (channels, samples), with new noise each time."""
     numbers, hidden = make.drawn(np.random.default_rng(seed), law)
     volts = ahead.set_values[:, 0].T
     parts = [
@@ -185,6 +193,7 @@ def observed(make: ModuleType, law: str, seed: int, ahead: Pendulum) -> Callable
     sd, step = COARSE * np.array([0.0, make.RATE_SD, make.CURRENT_SD])[:, None], COARSE * make.ENCODER
 
     def measured(at: int, turn: int) -> np.ndarray:
+        """Return the measured channels of run `at` with the noise of repetition `turn`."""
         rows = exact[:, :, at] + sd * np.random.default_rng([seed, turn]).normal(size=exact.shape[:2])
         rows[0] = step * np.round(rows[0] / step)
         return np.asarray(rows)
@@ -193,7 +202,7 @@ def observed(make: ModuleType, law: str, seed: int, ahead: Pendulum) -> Callable
 
 
 def quiet(message: str) -> None:
-    """Say nothing."""
+    """Ignore a progress message."""
 
 
 if __name__ == "__main__":

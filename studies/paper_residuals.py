@@ -1,28 +1,31 @@
-"""The paper against itself: its statements on Figs 6, 8 and 10 as measurements, and what would resolve them.
+"""Compare the paper with itself: its statements on Figs 6, 8 and 10 as measurements, and the changes that satisfy them.
 
 Question
-    Table 1 in Eqs (2)-(7) contradicts the text on Figs 6 and 8, and no sand whose F rises gives the right half of
-    Fig 10. Taken as residuals of a model: which one change, of a constant or by an effect, takes them away?
+    Table 1 in Eqs (2)-(7) contradicts the text on Figs 6 and 8, and no sand whose F rises reproduces the right half of
+    Fig 10. If the statements are treated as residuals of a model, which single change of a constant or added effect
+    removes the residuals?
 Method
-    Eight statements are limits on numbers that F(S) alone decides, each with an SD (assumed: 0.5 deg, 0.05 to 0.1 of
-    slip, 0.01 of F). A statement that is kept has residual 0. Base: Table 1 to the letter, in the net form (Eq 7) and
-    in the torque form (how the plots of Fig 6 were made). Every constant of Table 1 and every contact effect of the
-    package without own states is changed alone, then in pairs, to the least chi2; a change is worth having if it gains
-    more than 2 ln(candidates / 0.05), the fee of the loop.
+    Eight statements are limits on numbers that F(S) alone determines. Each has an SD (assumed: 0.5 deg, 0.05 to 0.1 of
+    slip, 0.01 of F). A satisfied statement has residual 0. The base is Table 1 as printed, in the net form (Eq 7) and
+    in the torque form (the form of the plots of Fig 6). Every constant of Table 1 and every contact effect of the
+    package without internal states is changed alone, and then in pairs, to minimise chi2. A change counts as an
+    improvement if chi2 falls by more than 2 ln(candidates / 0.05), the detection threshold of the loop.
 Result
-    As it stands the net form breaks 5 of 8 statements (chi2 1247), the torque form 4 (289). No one change keeps all.
-    Net: k is what matters, 0.5 mm (the least tried) leaves 15; k = 5 mm instead of 50 leaves 527: it climbs 12 deg and
-    runs with little slip on the flat, but the slip grows gradually and more slip always pulls more. Torque: 246 or more
-    stay; a small k alone climbs far beyond 18 deg. Two changes: the net form keeps all eight with k of 0.5 to 1.3 mm
-    and a loss at high slip (PostPeak 9 %, a rate loss of 5 %, or PeakStress, not told apart); the torque form comes to
-    1.2 with k = 7.9 mm and PostPeak 0.52, where F no longer rises throughout. Without a loss, k = 0.5 mm with a phi of
-    12 deg or a smooth rim keeps all but the sentence on Fig 10. 'An increasing trend' and 'less slip pulls more' speak
-    against each other, so both are kept only by a fall of F that the plots of Fig 6 would hardly show.
+    Table 1 as printed breaks 5 of 8 statements in the net form (chi2 1247) and 4 in the torque form (289). No single
+    change satisfies all. Net form: k matters most. k = 0.5 mm (the smallest value tried) leaves chi2 = 15. k = 5 mm
+    instead of 50 leaves 527: the rover climbs 12 deg and drives on the flat with little slip, but the slip grows
+    gradually, and more slip always gives more pull. Torque form: 246 or more remains; a small k alone climbs far beyond
+    18 deg. Two changes: the net form satisfies all eight statements with k of 0.5 to 1.3 mm and a loss at high slip
+    (PostPeak 9 %, a rate loss of 5 %, or PeakStress, which these statements cannot distinguish). The torque form
+    reaches 1.2 with k = 7.9 mm and PostPeak 0.52, where F no longer rises throughout. Without a loss, k = 0.5 mm with a
+    phi of 12 deg or a smooth rim satisfies all statements except the sentence on Fig 10. 'An increasing trend' and
+    'less slip pulls more' contradict each other, so both are satisfied only by a fall of F that the plots of Fig 6
+    would hardly show.
 What the paper says
-    The quoted words of `STATEMENTS`; k = 0.05 m; of a loss past the peak its text speaks, its Eq (2) has none.
+    The quoted words of `STATEMENTS`; k = 0.05 m. The text mentions a loss past the peak, and Eq (2) has no loss.
 What differs
-    These are a handful of sentences with SDs that we chose, not data: a change that keeps them all is possible, not
-    found. Wheel speed and rover speed enter as slip only.
+    The data are eight sentences with SDs that we chose. A change that satisfies all of them is possible, not found.
+    Wheel speed and rover speed enter as slip only.
 
 Run: python studies/paper_residuals.py [--quick] [--out DIR]
 """
@@ -59,27 +62,27 @@ WHEEL, TABLE_1 = Wheel(), Soil()
 SINKAGE = float(WHEEL.r) * (1 - math.cos(TABLE_1.theta_1))
 RIM = 0.05
 KEPT = 1.0
-"""A statement within one SD of its limit counts as kept."""
+"""A statement within this many SD of its limit counts as satisfied."""
 
 
 class Change(NamedTuple):
-    """One or two parameters, or sizes of effects, that are free, with their bounds."""
+    """One or two free parameters or effect sizes, with their bounds."""
 
     effects: tuple[type[Effect], ...]
     names: tuple[str, ...]
     bounds: tuple[tuple[float, float], ...]
     parts: int = 1
-    "how many changes it is"
+    """Number of changes that are combined."""
 
     def plus(self, other: Change) -> Change:
-        """Return both changes together."""
+        """Return the change that combines both changes."""
         return Change(
             self.effects + other.effects, self.names + other.names, self.bounds + other.bounds, self.parts + other.parts
         )
 
     @property
     def label(self) -> str:
-        """Names of what is changed."""
+        """Return the names of the changed parameters."""
         return " + ".join(self.names) or "nothing"
 
 
@@ -94,11 +97,11 @@ CONSTANTS = {
 }
 LOGARITHMIC = ("k",)
 ASKED = (0.005, 0.0145)
-"""Values of k [m] that are judged as they are: a tenth of Table 1's, and what climbs 12 deg in the net form."""
+"""Values of k [m] evaluated without a fit: a tenth of Table 1's, and the value that climbs 12 deg in the net form."""
 
 
 class Resolved(NamedTuple):
-    """The least chi2 of a change."""
+    """The minimum of chi2 for a change: fitted values, chi2, and the residual of each statement."""
 
     form: str
     change: Change
@@ -108,69 +111,76 @@ class Resolved(NamedTuple):
 
     @property
     def shown(self) -> str:
-        """The changed values in readers' units."""
-        said = []
+        """Return the changed values in readable units."""
+        texts = []
         for name, value in zip(self.change.names, self.values, strict=True):
             scale, unit = (1e3, " mm") if name == "k" else (math.degrees(1), " deg") if angle(name) else (1.0, "")
-            said.append(f"{name} = {scale * value:.3g}{unit}")
-        return ", ".join(said) or "as it stands"
+            texts.append(f"{name} = {scale * value:.3g}{unit}")
+        return ", ".join(texts) or "as it stands"
 
 
 def angle(name: str) -> bool:
+    """Return whether a parameter is an angle."""
     return name in ("phi", "theta_1", "theta_2")
 
 
 def main() -> None:
+    """Fit every change in both forms, print the tables, and write the CSV and the figure."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="single changes only")
     parser.add_argument("--out", type=Path, default=Path("out/paper_residuals"))
     options = parser.parse_args()
-    found = [one for form in ("net", "torque") for one in resolved(form, options.quick)]
-    print(contradictions(found).to_string(index=False), end="\n\n")
-    net, torque = (int(np.sum(np.abs(one.residuals) > KEPT)) for one in found if not one.change.names)
-    print(f"Table 1 breaks {net} of {len(found[0].residuals)} in the net form, {torque} in the torque form\n")
-    table = ranking(found)
+    fits = [resolution for form in ("net", "torque") for resolution in resolved(form, options.quick)]
+    print(contradictions(fits).to_string(index=False), end="\n\n")
+    net, torque = (
+        int(np.sum(np.abs(resolution.residuals) > KEPT)) for resolution in fits if not resolution.change.names
+    )
+    print(f"Table 1 breaks {net} of {len(fits[0].residuals)} in the net form, {torque} in the torque form\n")
+    table = ranking(fits)
     for (form, kind), part in table.groupby(["form", "kind"], sort=False):
         print(f"{form} form, {kind}: {min(len(part), 6)} of {len(part)}")
         print(part.head(6).drop(columns=["form", "kind"]).to_string(index=False), end="\n\n")
     print("Eight sentences with SDs that we chose are no data: what keeps them is possible, not found.")
     csv = write_csv(table, options.out / "paper_residuals.csv")
-    png = save(draw(found), options.out / "paper_residuals.png")
+    png = save(draw(fits), options.out / "paper_residuals.png")
     print(f"written: {csv}, {png}")
 
 
 def singles(form: str) -> list[Change]:
+    """Return every single change: each constant of Table 1, and each effect without internal states."""
     changes = [Change((), (name,), (bounds,)) for name, bounds in CONSTANTS.items()]
     for kind in rig_kinds():
         if kind.states:
             continue
-        about = quantities(kind())
+        declared = quantities(kind())
         names = tuple(f"{kind.__name__}.{name}" for name in kind.neutral)
-        bounds = tuple((about[name].low, min(about[name].high, 3.0)) for name in kind.neutral)
+        bounds = tuple((declared[name].low, min(declared[name].high, 3.0)) for name in kind.neutral)
         changes.append(Change((kind,), names, bounds))
     return changes
 
 
 def resolved(form: str, quick: bool) -> list[Resolved]:
-    """Return nothing changed, then every single change, then the pairs of what moves F at all."""
+    """Return the base, every single change, and every pair of changes that affect F."""
     alone = [best(form, change) for change in singles(form)]
     base = best(form, NOTHING)
-    asked = [judged(form, singles(form)[0]._replace(parts=0), np.array([k])) for k in ASKED]
-    moving = [one.change for one in alone if len(one.change.names) == 1 and moves(form, one.change)]
+    tenths = [judged(form, singles(form)[0]._replace(parts=0), np.array([k])) for k in ASKED]
+    # A parameter that does not affect F alone cannot improve a pair.
+    moving = [single.change for single in alone if len(single.change.names) == 1 and moves(form, single.change)]
     pairs = [] if quick else [best(form, a.plus(b)) for a, b in itertools.combinations(moving, 2)]
-    return [base, *asked, *alone, *pairs]
+    return [base, *tenths, *alone, *pairs]
 
 
 def moves(form: str, change: Change) -> bool:
-    """Return whether a value inside the bounds, not Table 1's own, changes F at all."""
+    """Return whether a value inside the bounds, different from Table 1's value, changes F."""
     inside = np.array([low + 0.37 * (high - low) for low, high in change.bounds])
     return bool(np.abs(np.asarray(curve(form, change)(inside) - curve(form, NOTHING)(np.zeros(0)))).max() > 1e-4)
 
 
 def best(form: str, change: Change) -> Resolved:
-    """Return the least chi2 over the free values: a grid, then Nelder-Mead's simplex from its best points."""
+    """Return the minimum of chi2 over the free values, by a grid and Nelder-Mead from its two best points."""
     if not change.names:
         return judged(form, change, np.zeros(0))
+    # A coarse grid first, because chi2 has several local minima in k.
     low, high = np.array([scaled(name, ends) for name, ends in zip(change.names, change.bounds, strict=True)]).T
     points = 81 if len(low) == 1 else 17
     grid = np.array(list(itertools.product(*np.linspace(low, high, points).T)))
@@ -186,14 +196,17 @@ def best(form: str, change: Change) -> Resolved:
 
 
 def scaled(name: str, ends: tuple[float, float]) -> tuple[float, float]:
+    """Return the bounds on the search scale: the logarithm for LOGARITHMIC parameters."""
     return (math.log(ends[0]), math.log(ends[1])) if name in LOGARITHMIC else ends
 
 
 def unscaled(change: Change, values: np.ndarray) -> np.ndarray:
+    """Return parameter values from values on the search scale."""
     return np.array([math.exp(x) if n in LOGARITHMIC else x for n, x in zip(change.names, values, strict=True)])
 
 
 def judged(form: str, change: Change, values: np.ndarray) -> Resolved:
+    """Return chi2 and residuals of a change at given values."""
     F = np.asarray(curve(form, change)(values)).ravel()
     residuals = np.array([statement.residual(F) for statement in STATEMENTS])
     cost = float(residuals @ residuals) if np.isfinite(residuals).all() else 1e9
@@ -202,15 +215,16 @@ def judged(form: str, change: Change, values: np.ndarray) -> Resolved:
 
 @lru_cache(maxsize=512)
 def curve(form: str, change: Change) -> ca.Function:
-    """Return the changed values -> F at `SLIPS`: f_t / f_n of Table 1's traction and the effects behind it."""
+    """Return a function of the changed values that gives F = f_t / f_n at `SLIPS`, with Table 1's traction first."""
     traction = SoilTraction(FORMS[form], FixedAngles())
     base = RigModel(WHEEL, TABLE_1, (traction,))
+    # Names without a dot are soil constants; the others are sizes of effects.
     values = ca.SX.sym("values", len(change.names))
-    own = dict(zip(change.names, ca.vertsplit(values), strict=True)) if change.names else {}
-    soil = TABLE_1.replace(**{name: value for name, value in own.items() if "." not in name})
+    by_name = dict(zip(change.names, ca.vertsplit(values), strict=True)) if change.names else {}
+    soil = TABLE_1.replace(**{name: value for name, value in by_name.items() if "." not in name})
     effects: list[Effect] = [traction]
     for kind in change.effects:
-        named = {name: own[f"{kind.__name__}.{name}"] for name in kind.neutral}
+        named = {name: by_name[f"{kind.__name__}.{name}"] for name in kind.neutral}
         effects.append(default_effect(kind, base).replace(**named))
     S = ca.SX.sym("S")
     factor = ca.Function("F", [S, values], [_factor(effects, S, soil)])
@@ -218,6 +232,7 @@ def curve(form: str, change: Change) -> ca.Function:
 
 
 def _factor(effects: Sequence[Effect], S: ca.SX, soil: Soil) -> ca.SX:
+    """Return F at one slip: the contact amended by every effect, and the sum of their loads."""
     contact = Contact(S, 0.0, SINKAGE, RIM * (1 - S), 0.0, 0.0, RIM, 0.0, 0.0, WHEEL, soil)
     for effect in effects:
         contact = effect.amend(contact, ())
@@ -227,8 +242,8 @@ def _factor(effects: Sequence[Effect], S: ca.SX, soil: Soil) -> ca.SX:
     return load.f_t / load.f_n
 
 
-def contradictions(found: Sequence[Resolved]) -> pd.DataFrame:
-    """Return each statement with what the base gives, in both forms."""
+def contradictions(fits: Sequence[Resolved]) -> pd.DataFrame:
+    """Return each statement with its value in the base model, in both forms."""
     rows: dict[str, list[object]] = {
         "statement": [s.words for s in STATEMENTS],
         "number": [s.short for s in STATEMENTS],
@@ -243,20 +258,21 @@ def contradictions(found: Sequence[Resolved]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def ranking(found: Sequence[Resolved]) -> pd.DataFrame:
-    base = {one.form: one.chi2 for one in found if not one.change.names}
-    count = sum(one.change.parts == 1 for one in found if one.form == "net")
+def ranking(fits: Sequence[Resolved]) -> pd.DataFrame:
+    """Return the ranking of all changes by chi2, with gain, detection threshold and broken statements."""
+    base = {resolution.form: resolution.chi2 for resolution in fits if not resolution.change.names}
+    count = sum(resolution.change.parts == 1 for resolution in fits if resolution.form == "net")
     rows = []
-    for one in found:
-        broken = [s.short for s, r in zip(STATEMENTS, one.residuals, strict=True) if abs(r) > KEPT]
-        parts = one.change.parts
-        gain = base[one.form] - one.chi2
+    for resolution in fits:
+        broken = [s.short for s, r in zip(STATEMENTS, resolution.residuals, strict=True) if abs(r) > KEPT]
+        parts = resolution.change.parts
+        gain = base[resolution.form] - resolution.chi2
         rows.append(
             {
-                "form": one.form,
+                "form": resolution.form,
                 "kind": ("given", "one change", "two changes")[parts],
-                "change": one.shown,
-                "chi2": round(one.chi2, 2),
+                "change": resolution.shown,
+                "chi2": round(resolution.chi2, 2),
                 "gain": round(gain, 1),
                 "fee": round(parts * null_gain(count), 1),
                 "statements_broken": ", ".join(broken) or "none",
@@ -269,21 +285,24 @@ def ranking(found: Sequence[Resolved]) -> pd.DataFrame:
     ).reset_index(drop=True)
 
 
-def draw(found: Sequence[Resolved]) -> Figure:
-    """Return F(S) as it stands and of the best changes, beside what the text asks of it."""
+def draw(fits: Sequence[Resolved]) -> Figure:
+    """Return the figure of F(S) of the base and of the best changes, with the slopes that the text states."""
     figure = Figure(figsize=(12, 4.6), layout="constrained")
     for axis, form in zip(figure.subplots(1, 2, sharey=True), ("net", "torque"), strict=True):
-        own = [one for one in found if one.form == form]
-        shown = [own[0]]
+        of_form = [resolution for resolution in fits if resolution.form == form]
+        curves = [of_form[0]]
         for parts in (1, 2):
-            ranked = sorted((one for one in own if one.change.parts == parts), key=lambda one: one.chi2)
-            shown += ranked[:2]
-        for one, colour in zip(shown, COLOURS, strict=False):
-            F = np.asarray(curve(form, one.change)(one.values)).ravel()
-            axis.plot(SLIPS, F, color=colour, label=f"{one.shown}: chi2 {one.chi2:.3g}")
-        for slope, said in ((12.0, "12 deg"), (18.0, "18 deg")):
+            ranked = sorted(
+                (resolution for resolution in of_form if resolution.change.parts == parts),
+                key=lambda resolution: resolution.chi2,
+            )
+            curves += ranked[:2]
+        for resolution, colour in zip(curves, COLOURS, strict=False):
+            F = np.asarray(curve(form, resolution.change)(resolution.values)).ravel()
+            axis.plot(SLIPS, F, color=colour, label=f"{resolution.shown}: chi2 {resolution.chi2:.3g}")
+        for slope, text in ((12.0, "12 deg"), (18.0, "18 deg")):
             axis.axhline(math.tan(math.radians(slope)), color="black", ls=":", lw=1)
-            axis.annotate(said, (0.01, math.tan(math.radians(slope))), va="bottom", fontsize=8)
+            axis.annotate(text, (0.01, math.tan(math.radians(slope))), va="bottom", fontsize=8)
         axis.axhline(0, color="black", lw=0.6)
         axis.set(xlabel="slip ratio S [-]", title=f"{form} form")
         axis.legend(fontsize=8)

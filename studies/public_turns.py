@@ -1,22 +1,24 @@
-"""How public skid-steered rovers turn: the sides' speeds that a turn takes, and the turn that comes of them.
+"""How public skid-steered rovers turn: the wheel speeds that a turn needs, and the turn that results.
 
 Question
-    Do rovers without steering turn the way and about as much as they are commanded, on sand and on hard ground?
+    Do rovers without steering turn in the commanded direction and at about the commanded rate, on sand and on hard
+    ground?
 Method
-    Three rovers by the numbers of their makers' descriptions (sizes, masses, centre of the body, wheels), without their
-    suspension and meshes. `turn` at the scene's radius to both sides, and `point-turn`, on the sand that is as firm for
-    each as slope-sand for Nexus 6, and on hard ground. Measured over the later half of 20 s: yaw rate and radius.
-    The effective track over B is held against the multiplier of the maker's own controller.
+    Three rovers have the numbers of their makers' descriptions (sizes, masses, centre of the body, wheels), without
+    suspension and meshes. They drive `turn` at the scene's radius to both sides, and `point-turn`, on a sand that is as
+    firm for each rover as slope-sand is for Nexus 6, and on hard ground. Yaw rate and radius are measured over the
+    second half of 20 s. The effective track over B is compared with the multiplier of the maker's own controller.
 Result
-    studies/results/public_turns.csv. All turn the way they are commanded. A Jackal and a Leo turn at 2 m at 0.96 to
-    1.02 of the yaw rate, on the spot at 0.80 to 0.83: shear builds up along the way, and the balance of the effective
-    track takes it as full. A Husky's description has its weight 85 mm to the right of the middle: it turns left at 1.04
-    to 1.08, right at 0.59 on sand and 0.41 on hard ground, which the drive warns of, and on the spot at 0.70. The
-    effective track is 0.96 to 0.99 of what the makers' controllers take.
+    studies/results/public_turns.csv. All rovers turn in the commanded direction. A Jackal and a Leo turn at a radius of
+    2 m at 0.96 to 1.02 of the commanded yaw rate, and on the spot at 0.80 to 0.83, because shear builds up along the
+    path, while the balance behind the effective track assumes full shear. A Husky's description has its centre of mass
+    85 mm to the right of the middle. The Husky turns left at 1.04 to 1.08, right at 0.59 on sand and 0.41 on hard
+    ground, about which the drive warns, and on the spot at 0.70. The effective track is 0.96 to 0.99 of the value in
+    the makers' controllers.
 What the paper says
-    Nothing: its rover steers.
+    The paper's rover steers, so it has no skid-steered turn.
 What differs
-    Motors are sized by the weight; tyres are rigid. No turn of a real rover was measured here.
+    Motors are sized by the weight, and tyres are rigid. No turn of a real rover was measured here.
 
 Run: python studies/public_turns.py [--quick] [--out DIR]
 """
@@ -39,7 +41,7 @@ from rover_pin.scenarios.scenario import scenario
 
 
 class Maker(NamedTuple):
-    """What a rover's description says [m, kg], and by how much its controller widens the track."""
+    """Numbers of a rover's description [m, kg], and the factor by which its controller widens the track."""
 
     length: float
     track: float
@@ -56,7 +58,7 @@ ROVERS = {
     "Jackal J100": Maker(0.262, 0.37559, 0.098, 0.040, 16.523, 0.477, (0.012, 0.002, 0.067), 1.5),
     "Leo": Maker(0.3052, 0.358, 0.0625, 0.07, 4.36, 0.2836, (0.0, 0.0, 0.05), 1.76),
 }
-"""husky_description and husky_control, jackal_description and jackal_control, leo_description and leo_firmware."""
+"""Sources: husky_description, husky_control, jackal_description, jackal_control, leo_description, leo_firmware."""
 WHEELS = {"fl": (0.5, 0.5), "fr": (0.5, -0.5), "rl": (-0.5, 0.5), "rr": (-0.5, -0.5)}
 GROUNDS: dict[str, dict[str, Any]] = {"sand": {}, "hard": {"patch.x_from": -100.0, "patch.x_to": 100.0}}
 TURNS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -67,7 +69,7 @@ TURNS: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def main() -> None:
-    """Print and keep the table, and draw what was driven over what was commanded."""
+    """Drive every turn, print and write the table, and draw driven over commanded yaw rates."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one rover, 2 s: shows that it runs")
     parser.add_argument("--out", type=Path, default=Path("out/public_turns"))
@@ -90,7 +92,7 @@ def main() -> None:
 
 
 def written(folder: Path, maker: Maker) -> Path:
-    """Write the rover as boxes and wheels; return its TOML."""
+    """Write the rover as boxes and wheels; return the path of its TOML file."""
     folder.mkdir(exist_ok=True)
     links, joints = [link("body", maker.body, maker.length, maker.centre)], []
     for name, (x, y) in WHEELS.items():
@@ -110,20 +112,21 @@ def written(folder: Path, maker: Maker) -> Path:
 
 
 def link(name: str, mass: float, size: float, centre: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> str:
-    """Return a link whose inertia is that of a cube of this size."""
-    about = mass * size**2 / 6.0
+    """Return the URDF text of a link with the inertia of a cube of this size."""
+    inertia = mass * size**2 / 6.0
     return (
         f'<link name="{name}"><inertial><origin xyz="{centre[0]} {centre[1]} {centre[2]}"/><mass value="{mass}"/>'
-        f'<inertia ixx="{about}" iyy="{about}" izz="{about}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        f'<inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
     )
 
 
 def driven(name: str, toml: Path, turn: str, ground: str, seconds: float) -> dict[str, Any]:
-    """Return what was commanded and what was driven, over the later half."""
+    """Return the commanded and the driven turn, the latter over the second half of the drive."""
     (scene, settings), maker = TURNS[turn], ROVERS[name]
-    made = scenario(scene, rover=toml, duration=seconds, **settings, **GROUNDS[ground])
-    trace, commanded = made.drive(), made.controller.motion
+    turning_scene = scenario(scene, rover=toml, duration=seconds, **settings, **GROUNDS[ground])
+    trace, commanded = turning_scene.drive(), turning_scene.controller.motion
     late = trace.t >= 0.5 * trace.t[-1]
+    # A straight line through the yaw angle gives its rate without noise from single samples.
     rate = float(np.polyfit(trace.t[late], np.unwrap(trace["body_yaw"][late]), 1)[0])
     speed = float(np.mean(np.hypot(trace["body_vx"], trace["body_vy"])[late]))
     return {
@@ -142,7 +145,7 @@ def driven(name: str, toml: Path, turn: str, ground: str, seconds: float) -> dic
 
 
 def figure(table: pd.DataFrame, out: Path) -> None:
-    """Draw the yaw rate driven over the one that was commanded."""
+    """Draw the driven over the commanded yaw rate."""
     sheet, axes = new_figure(1, size=(7.0, 3.2))
     labels = [f"{row.rover}, {row.turn}" for row in table[table["ground"] == "sand"].itertuples()]
     for shift, (ground, rows) in zip((-0.18, 0.18), table.groupby("ground", sort=False), strict=False):

@@ -1,21 +1,22 @@
-"""A measured wheel: how well Eqs (1)-(7) predict sinkage and drawbar pull of the CMU smooth wheel on dry sand.
+"""Compare Eqs (1)-(7) with sinkage and drawbar pull of a measured wheel, the CMU smooth wheel on dry sand.
 
 Question
-    How far is the model of the paper from a single-wheel rig, as printed and with its parameters fitted?
+    How large are the errors of the paper's model on a single-wheel rig, as printed and with fitted parameters?
 Method
     15 steady runs (5 slips x 3 repeats, load 21.6 to 26.1 N) of studies/data/cmu-smooth-wheel; r = 62.5 mm, b = 60 mm.
     "Table 1": fixed angles, net form. "fitted": theta_1 from the load, c = 0, n = 1.46 fixed (the rig's authors), and
-    phi, k, K_eff = (k_1 + k_2 b) / b^n by least squares on both channels, each in units of the repeats' noise, with
-    the exact Jacobian from CasADi.
+    phi, k, K_eff = (k_1 + k_2 b) / b^n by least squares on both channels, each in units of the repeats' noise, with the
+    exact Jacobian from CasADi.
 Result
     RMSE as printed: 0.082 of the load (6.5 times the noise) and 10.9 mm (18 times). Fitted, phi = 15 deg, k = 5.5 mm,
-    K_eff = 3.0e3 kPa/m^n: 0.0137 (1.1 times) and 4.5 mm (7.5 times). The drawbar pull is at the noise floor; the
-    measured sinkage grows from 14 to 26 mm with slip and the model's stays at 21. The same wheel pressed in without
-    turning gives K_eff = 5.8 to 6.2e3 kPa/m^n: the fit has bent K_eff to make up for an effect the model lacks.
+    K_eff = 3.0e3 kPa/m^n: 0.0137 (1.1 times) and 4.5 mm (7.5 times). The drawbar pull is at the noise floor. The
+    measured sinkage grows from 14 to 26 mm with slip, while the model's sinkage stays at 21. The same wheel pressed in
+    without turning gives K_eff = 5.8 to 6.2e3 kPa/m^n, so the fit has distorted K_eff to compensate for an effect that
+    the model lacks.
 What the paper says
     "the digging and sinking process is not modeled in the simulation" (section 4.2): the effect that is missing here.
 What differs
-    The rig is not the paper's; its noise, 0.0126 of the load and 0.6 mm, is the pooled deviation of repeats.
+    The rig is not the paper's. Its noise, 0.0126 of the load and 0.6 mm, is the pooled deviation of repeats.
 
 Run: python studies/rig_baseline.py [--quick] [--out DIR]
 """
@@ -49,7 +50,7 @@ STARTS = tuple(START + np.array(shift) for shift in ([0.0, 0.0, 0.0], [0.3, 1.0,
 
 
 def main() -> None:
-    """Compute, write and print."""
+    """Fit the model to the rig, write the predictions and the figure, and print the report."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one start of the fit instead of three")
     parser.add_argument("--out", type=Path, default=Path("out/rig_baseline"))
@@ -69,15 +70,16 @@ def main() -> None:
 
 
 def fitted_soil(p: ca.SX | np.ndarray, wheel: Wheel) -> Soil:
-    """Return the soil of ln phi, ln k, ln K_eff."""
+    """Return the soil for p = (ln phi, ln k, ln K_eff)."""
     phi, k, K_eff = (ca.exp(p[i]) for i in range(3))
     return TABLE_1.replace(c=0.0, n=EXPONENT, phi=phi, k=k, k_1=K_eff * wheel.b**EXPONENT)
 
 
 def model(wheel: Wheel) -> ca.Function:
-    """Return (p, load, S) -> (drawbar pull / load, sinkage) and the Jacobian with respect to p."""
+    """Return the function (p, load, S) -> (drawbar pull / load, sinkage), with its Jacobian with respect to p."""
     p, load, S = ca.SX.sym("p", 3), ca.SX.sym("load"), ca.SX.sym("S")
     soil = fitted_soil(p, wheel)
+    # The entry angle follows from the load, so that a change of p changes the sinkage as well.
     theta_1 = entry_angle(load, S, wheel, soil)
     f_t = wheel_forces(S, theta_1, -soil.exit_ratio * theta_1, wheel, soil).f_t
     out = ca.vertcat(f_t / load, sinkage(theta_1, wheel))
@@ -85,43 +87,46 @@ def model(wheel: Wheel) -> ca.Function:
 
 
 def fit(runs: pd.DataFrame, wheel: Wheel, noise: np.ndarray, starts: tuple) -> tuple[np.ndarray, np.ndarray]:
-    """Return the best ln(phi, k, K_eff) and their standard deviations by the residual's own size."""
-    one, measured = model(wheel), channels(runs)
+    """Return the best ln(phi, k, K_eff) and their standard deviations, scaled by the size of the residual."""
+    rig, measured = model(wheel), channels(runs)
     weight = 1 / noise
 
     def over_runs(p: np.ndarray) -> list:
-        return [one(p, load, S) for load, S in zip(runs.load_N, runs.slip, strict=True)]
+        return [rig(p, load, S) for load, S in zip(runs.load_N, runs.slip, strict=True)]
 
     residual: Callable = lambda p: np.concatenate(  # noqa: E731
         [weight * (m - np.array(v).ravel()) for (v, _), m in zip(over_runs(p), measured, strict=True)]
     )
     slope: Callable = lambda p: np.vstack([-weight[:, None] * np.array(J) for _, J in over_runs(p)])  # noqa: E731
+    # Several starts, because the problem is not convex in k.
     fits = [least_squares(residual, start, jac=slope, x_scale="jac") for start in starts]
-    best = min(fits, key=lambda found: found.cost)
+    best = min(fits, key=lambda candidate: candidate.cost)
     variance = 2 * best.cost / (best.fun.size - best.x.size)
     return best.x, np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)) * variance)
 
 
 def pressed_in(wheel: Wheel) -> list[float]:
-    """Return K_eff [Pa/m^n] of each trial that pressed the smooth wheel in: no shear, theta_2 = -theta_1."""
+    """Return K_eff [Pa/m^n] of each pressing of the smooth wheel: no shear, theta_2 = -theta_1."""
     presses = pd.read_csv(DATA / "penetration.csv").query("indenter == 'wheel_smooth' and sinkage_m > 0.004")
     soil = TABLE_1.replace(c=0.0, phi=0.0, n=EXPONENT, k_1=wheel.b**EXPONENT)
     moduli = []
     for _, trial in presses.groupby(["box", "trial"]):
         arcs = [SinkageAngles().angles(h, wheel, soil)[0] for h in trial.sinkage_m]
+        # The force is linear in K_eff, so each trial gives it by linear least squares.
         unit = np.array([wheel_forces(0.0, arc, -arc, wheel, soil).f_n for arc in arcs])
         moduli.append(float(trial.force_N @ unit / (unit @ unit)))
     return moduli
 
 
 def channels(runs: pd.DataFrame) -> np.ndarray:
+    """Return the measured channels: drawbar pull over load, and sinkage [m]."""
     return np.column_stack([runs.drawbar_pull_N / runs.load_N, runs.sinkage_m])
 
 
 def predictions(runs: pd.DataFrame, wheel: Wheel, best: np.ndarray) -> pd.DataFrame:
-    """Return one row a run: measured, Table 1 as printed, fitted."""
-    one, measured = model(wheel), channels(runs)
-    fitted = np.array([np.array(one(best, W, S)[0]).ravel() for W, S in zip(runs.load_N, runs.slip, strict=True)])
+    """Return one row for each run: measured, Table 1 as printed, and fitted."""
+    rig, measured = model(wheel), channels(runs)
+    fitted = np.array([np.array(rig(best, W, S)[0]).ravel() for W, S in zip(runs.load_N, runs.slip, strict=True)])
     printed = [load_traction_factor(float(S), TABLE_1, wheel) for S in runs.slip]
     return pd.DataFrame(
         {
@@ -139,6 +144,7 @@ def predictions(runs: pd.DataFrame, wheel: Wheel, best: np.ndarray) -> pd.DataFr
 
 
 def report(table: pd.DataFrame, noise: np.ndarray, best: np.ndarray, sd: np.ndarray) -> None:
+    """Print the fitted parameters and the RMSE of both models in units of the noise."""
     phi, k, K_eff = np.exp(best)
     print(f"fitted: phi = {np.degrees(phi):.2f} deg ({sd[0]:.0%}), k = {1e3 * k:.2f} mm ({sd[1]:.0%}), ", end="")
     print(f"K_eff = {K_eff / 1e6:.2f}e3 kPa/m^n ({sd[2]:.0%}); c = 0, n = {EXPONENT} fixed")
@@ -151,12 +157,14 @@ def report(table: pd.DataFrame, noise: np.ndarray, best: np.ndarray, sd: np.ndar
 
 
 def rms(residual: pd.Series) -> float:
+    """Return the RMS of a residual."""
     return float(np.sqrt(np.mean(residual**2)))
 
 
 def draw(table: pd.DataFrame, wheel: Wheel, runs: pd.DataFrame, best: np.ndarray, path: Path) -> None:
-    slips, load, one = np.linspace(0, 0.95, 96), float(runs.load_N.mean()), model(wheel)
-    smooth = np.array([np.array(one(best, load, S)[0]).ravel() for S in slips])
+    """Draw drawbar pull and sinkage over slip: measured, Table 1, and fitted."""
+    slips, load, rig = np.linspace(0, 0.95, 96), float(runs.load_N.mean()), model(wheel)
+    smooth = np.array([np.array(rig(best, load, S)[0]).ravel() for S in slips])
     printed = [load_traction_factor(float(S), TABLE_1, wheel) for S in slips]
     depth = 1e3 * float(sinkage(TABLE_1.theta_1, wheel))
     figure, axes = plt.subplots(1, 2, figsize=(11, 4.6), layout="constrained")

@@ -1,26 +1,28 @@
-"""A skid-steered rover of somebody else, tracked by RTK: does the physics predict what odometry does not?
+"""Compare physics with odometry on a public log: a skid-steered rover, tracked by RTK.
 
 Question
-    Runs of a Husky, its place by RTK, its speed and turn rate as its filter reports them: how far off are, on
-    runs left out, odometry with fitted slip, track and tracked point, the fitted base model, and what the loop adds?
+    The runs of a Husky have its position by RTK, and its speed and turn rate from its filter. On runs that are left
+    out, how large are the errors of odometry with fitted slip, track and tracked point, of the fitted base model, and
+    of the model from the loop?
 Method
-    The recordings are public, under no stated licence, so they are not kept here:
-    https://github.com/kaasmandje/ResearchMethods2023, whose folder is the argument. Every line is of one record (GPS,
-    IMU, Odometry). `import-log` reads them. No wheel rate is in them: rims are v -+ omega B' / 2, with the effective
-    track B' = B (1 + (L / B)^2) that scrub asks for. omega is the gyro's (its filter follows that within 0.005 rad/s),
-    so what is compared of the turn is not what wheels alone would tell. No heading is in them that shares the place's
-    zero: the course stands for it, and a drift across it is not known. The rover is a URDF of the maker's numbers.
+    The recordings are public, without a stated licence, so they are not stored here:
+    https://github.com/kaasmandje/ResearchMethods2023. The argument is the folder of a download. Every line is a single
+    record (GPS, IMU, Odometry). `import-log` reads them. They contain no wheel rates. The rim speeds are v -+ omega B'
+    / 2, with the effective track B' = B (1 + (L / B)^2) that scrubbing requires. omega is that of the gyro (the filter
+    follows it within 0.005 rad/s), so the compared turn rate contains more than wheels alone would show. They contain
+    no heading with the same zero as the position; the course replaces it, and a constant sideways drift is not known.
+    The rover is a URDF with the maker's numbers.
 Result
-    studies/results/rtk_log.csv. The answer is that the base model does not describe these data: left out, odometry's
-    path is 20.8 mm off (noise 14.8), that of the fitted base model 37.5, of what the loop keeps (a load, rates, a
-    grip that is lost with slip) 25.4; its heading is ahead (2.4 against 2.8 deg, noise 2.3). So it is on later runs
-    that turn; on nearly straight ones all three are at the noise, now that wheels may roll on a radius of their own.
-    Turning, the reported speed loses nothing to the scrub, as it would had it been measured at the wheels. Which
-    cause acts these data do not settle: names changed with each change of the candidates.
+    studies/results/rtk_log.csv. The base model does not describe these data. On runs left out, the path error of
+    odometry is 20.8 mm (noise 14.8), of the fitted base model 37.5, and of the loop's model (a load, rates, a grip that
+    falls with slip) 25.4. The model's heading is better (2.4 against 2.8 deg, noise 2.3). The same holds on later runs
+    that turn. On nearly straight runs all three are at the noise, since wheels may now roll on their own radius. In
+    turns the reported speed loses nothing to the scrub, as it would if it had been measured at the wheels. These data
+    do not determine the active cause: the named cause changed with each change of the candidates.
 What the paper says
-    Nothing of the kind: its rover steers, and its wheels are measured.
+    The paper has no such log: its rover steers, and its wheels are measured.
 What differs
-    The ground, a field's, is unknown, as is the tracked point.
+    The ground, a field, is unknown, and so is the tracked point.
 
 Run: python studies/rtk_log.py FOLDER [--quick] [--runs B1 B2 C1 C2] [--out DIR]
 """
@@ -52,12 +54,12 @@ WHEELS = {"fl": (L / 2, B / 2), "fr": (L / 2, -B / 2), "rl": (-L / 2, B / 2), "r
 ORIGIN, BEGIN = (174040.0, 444350.0), datetime(2022, 6, 1, 13, tzinfo=UTC)
 LATER = (["B3", "B4", "C3", "C4"], ["B5", "B6", "C5", "C6"], ["D1", "D2", "D3", "D4"], ["E1", "E2", "E3", "E4"],
          ["A2", "A3", "A4", "A5"])  # fmt: skip
-"""Runs that nothing is fitted to; A1 stands, A6 fails its authors too."""
+"""Runs that are not fitted. In A1 the rover is at rest, and A6 fails for its authors too."""
 V, OMEGA = "Odometry_DeltaPosition_1", "Odometry_AngularVelocity_3"
 
 
 def main() -> None:
-    """Close the loop on some runs, predict others with what it keeps, print and keep the errors."""
+    """Close the loop on some runs, predict others with its model, and print and write the errors."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, nargs="?", help="of the downloaded CSVs")
     parser.add_argument("--quick", action="store_true", help="a made-up drive of that layout against odometry alone")
@@ -80,7 +82,7 @@ def main() -> None:
 
 
 def imported(folder: Path | None, runs: list[str], work: Path) -> Path:
-    """Return the drive log of these runs, or of two made-up ones."""
+    """Return the folder of the drive log of these runs, or of two invented runs if `folder` is None."""
     work.mkdir(parents=True, exist_ok=True)
     files = [folder / f"{run}.csv" for run in runs] if folder else [made_up(work / f"{side}.csv", side) for side in
                                                                     (1, -1)]  # fmt: skip
@@ -88,6 +90,7 @@ def imported(folder: Path | None, runs: list[str], work: Path) -> Path:
         shutil.rmtree(work / "log")
     rover = husky(work)
     half = effective_track(load_rover(str(rover))) / 2
+    # Rim rates by the effective track, as expressions of the recorded columns.
     rates = {f"wheel_rate_{name}": f"({V} {'-' if y > 0 else '+'} {half:.6f} * {OMEGA}) / {R}"
              for name, (_, y) in WHEELS.items()}  # fmt: skip
     done = import_log(files, rover, work / "log", {"body_x": "GPS_4", "body_y": "GPS_5", **rates})
@@ -96,7 +99,7 @@ def imported(folder: Path | None, runs: list[str], work: Path) -> Path:
 
 
 def husky(work: Path) -> Path:
-    """Write a rover of the maker's numbers; return its TOML."""
+    """Write a rover with the maker's numbers; return the path of its TOML file."""
     box = '<inertia ixx="{0}" iyy="{1}" izz="{2}" ixy="0" ixz="0" iyz="0"/>'
     body = f'<inertial><origin xyz="0 0 0.1"/><mass value="46.0"/>{box.format(0.6, 1.5, 1.7)}</inertial>'
     parts = [f'<link name="base_link">{body}</link>']
@@ -113,10 +116,11 @@ def husky(work: Path) -> Path:
 
 
 def made_up(path: Path, side: int) -> Path:
-    """Write a drive by equations in the layout of the recordings: straight, a curve, straight; slip of 5 %."""
+    """Write a drive by equations in the layout of the recordings: straight, a curve, straight, with 5 % slip."""
     random, t = np.random.default_rng(side % 5), np.arange(0.0, 40.0, 0.02)
     omega, v = 0.3 * side * ((t > 14.0) & (t < 24.0)), 0.4 * np.minimum(1.0, t / 2.0)
     yaw = np.cumsum(omega) * 0.02
+    # The tracked point lies 0.1 m behind the middle of the rover.
     place = np.cumsum(0.95 * v * np.exp(1j * yaw)) * 0.02 - 0.1 * np.exp(1j * yaw)
     lines = []
     for at, second in enumerate(t):
@@ -132,19 +136,19 @@ def made_up(path: Path, side: int) -> Path:
 
 
 def against_odometry(log: DriveLog) -> list[dict[str, Any]]:
-    """Return the errors of odometry on each run, fitted to the others."""
+    """Return the errors of odometry on each run, fitted to the other runs."""
     experiment, model, _ = experiment_on(log, with_spread(base_model(log), motors=False))
     baselines = odometry_baselines(experiment, model.rover)
-    errors = [(one, zip(experiment.folds, one.by_fold, strict=True)) for one in baselines]
-    return [{"runs": run, "channel": one.channel, "unit": one.unit, "odometry": error}
-            for one, by_run in errors for run, error in by_run]  # fmt: skip
+    errors = [(baseline, zip(experiment.folds, baseline.by_fold, strict=True)) for baseline in baselines]
+    return [{"runs": run, "channel": baseline.channel, "unit": baseline.unit, "odometry": error}
+            for baseline, by_run in errors for run, error in by_run]  # fmt: skip
 
 
 def closed(log: DriveLog, out: Path) -> list[dict[str, Any]]:
-    """Return the errors of parts left out one by one: odometry, base model, and what the loop keeps."""
+    """Return the errors on parts left out one by one: odometry, base model, and the loop's model."""
     verdict = close_the_loop(log, out=out / "loop", progress=print)
     print(verdict.summary())
-    odometry = {one.channel: one.error for one in verdict.baselines}
+    odometry = {baseline.channel: baseline.error for baseline in verdict.baselines}
     return [{"runs": f"{len(log.runs)} parts, each left out", "channel": score.name, "unit": score.unit,
              "odometry": odometry[score.name], "base": score.before, "loop": score.after, "noise": score.floor,
              "answer": verdict.answer.value, "named": " + ".join(verdict.named), "verdict": verdict}
@@ -152,9 +156,11 @@ def closed(log: DriveLog, out: Path) -> list[dict[str, Any]]:
 
 
 def predicted(log: DriveLog, later: DriveLog, models: tuple[Model, ...], runs: str) -> list[dict[str, Any]]:
-    """Return the errors on later runs of odometry and models that were fitted to a log."""
-    fitted, later_runs = (experiment_on(each, models[0])[0] for each in (log, later))
-    odometry = {one.channel: one.error for one in odometry_baselines(fitted, models[0].rover, later_runs)}
+    """Return the errors of odometry and of two models on later runs; all were fitted to `log`."""
+    fitted, later_runs = (experiment_on(drive_log, models[0])[0] for drive_log in (log, later))
+    odometry = {
+        baseline.channel: baseline.error for baseline in odometry_baselines(fitted, models[0].rover, later_runs)
+    }
     missed = later_runs.observed - later_runs.predict(models)
     rms = lambda values: float(np.sqrt(np.nanmean(values**2)))  # noqa: E731
     return [{"runs": runs, "channel": name, "unit": later_runs.unit(name), "odometry": odometry[name],

@@ -1,34 +1,35 @@
-"""Turning, crabbing and side slopes with the old and the new side force: how easily does the rover slide sideways?
+"""Turning, crabbing and side slopes with the old and the new law of the side force.
 
 Question
-    What does the law of the side force that measured wheels ask for (studies/wheel_laws.py) change in a drive?
+    What does the law of the side force that measured wheels require (studies/wheel_laws.py) change in a drive?
 Method
-    Nexus 6 on sand of k = 3 mm, 20 s at duty 0.55. Old: `SideShear`, f_y from what f_t leaves of the strength at the
-    middle of the contact. New: `CombinedShear`, one stress for thrust and side force at every point of the rim, against
-    the whole travel, and `FlankPressure` on the buried part of the disc, with the numbers of measured wheels. Besides
-    them the shear alone, and `SlipSoftening`, which lets a slip angle sink the wheel. Turn: Ackermann angles for a
-    radius of 1 m. Crab: all steered wheels at 20 deg to one side, the others dragged. Across: straight ahead over a
-    slope that falls to the left by 10 deg. Skid: the cart, without steering, on the spot, its sides' speeds held for
-    7.98 deg/s. Measured over the last 5 s:
-    the radius driven, the direction of travel against the body's axis, the greatest side force over load and motor work
-    per metre.
+    Nexus 6 on sand of k = 3 mm, 20 s at duty 0.55. Old law: `SideShear`, where f_y is limited by the strength at the
+    middle of the contact that f_t does not use. New law: `CombinedShear`, one stress for thrust and side force at every
+    point of the rim, against the whole travel, with `FlankPressure` on the buried part of the disc and the numbers of
+    measured wheels. For comparison: the combined shear alone, and the new law with `SlipSoftening`, which lets the
+    wheel sink at a slip angle. Turn: Ackermann angles for a radius of 1 m. Crab: all steered wheels at 20 deg to one
+    side, the others dragged. Across: straight ahead over a slope that falls to the left by 10 deg. Skid: the cart,
+    without steering, on the spot, with the speeds of its sides held for 7.98 deg/s. The last 5 s give: the driven
+    radius, the direction of travel against the body's axis, the maximum side force over load, and the motor work per
+    metre.
 Result
-    A rover that steers hardly notices: the turn has a radius of 0.939 m with the old law, 0.934 with the new. Crabbing,
-    its dragged middle wheels' side force falls from 0.40 of their load to 0.34 (thrust and side force share one
-    strength), at the same direction, 16.8 deg of 20 asked, and 4 % less speed. Across the slope it drifts down by 2.97
-    deg, before by 3.95: the old law took what its mid-contact shear gave at a small slip angle, less than the arc does.
-    A cart that skids on the spot (k = 20 mm) turns by 4.76 deg/s, before by 5.99, by 5.34 with the shear alone: the
-    flank slows it further. Where slip and drift soften the sand it sinks by 48 mm and turns by 1.45 deg/s.
-    With the flank that measured wheels ask for, turning and crabbing on sand stay easy as long as wheels stand 9 mm
-    deep, and no longer. Half the step moves each of these drives by less than 1e-3 mm and 1e-4 deg.
-    The new law is what the scenes turn, point-turn, crab and cross-slope drive with, and any drive whose controller
-    steers, and says so; `--set side=shear` is the way back. Other scenes keep the old one (`--set side=combined`):
-    independent simulators and shipped logs hold it, and on straight drives both are the same.
+    The effect on a steered turn is small: a radius of 0.939 m with the old law, 0.934 with the new. In crabbing, the
+    side force of the dragged middle wheels falls from 0.40 of their load to 0.34 (thrust and side force share one
+    strength), at the same direction, 16.8 deg of 20 commanded, and 4 % less speed. Across the slope the rover drifts
+    down by 2.97 deg, before by 3.95: the old law used the shear at mid-contact, which at a small slip angle is less
+    than the shear over the arc. A cart that skids on the spot (k = 20 mm) turns at 4.76 deg/s, before at 5.99, and at
+    5.34 with the shear alone: the flank slows it further. Where slip and drift soften the sand, it sinks by 48 mm and
+    turns at 1.45 deg/s.
+    With the flank that measured wheels require, turning and crabbing on sand stay easy while the wheels sink by 9 mm,
+    but not if they sink deeper. Half the step moves each of these drives by less than 1e-3 mm and 1e-4 deg.
+    The scenes turn, point-turn, crab and cross-slope use the new law, and so does any drive whose controller steers,
+    which the drive reports; `--set side=shear` selects the old one. Other scenes keep the old law (`--set
+    side=combined` selects the new one), because independent simulators and shipped logs use it, and on straight drives
+    both are equal.
 What the paper says
-    Nothing: it has no side force, and no turning drive.
+    The paper has no side force, and no turning drive.
 What differs
-    B, k_f and l of the flank are those of wheels of 125 mm in another sand; nothing of a turning rover was measured
-    here.
+    B, k_f and l of the flank are those of wheels of 125 mm in another sand; no turning rover was measured here.
 
 Run: python studies/side_force.py [--quick] [--out DIR]
 """
@@ -55,7 +56,7 @@ from rover_pin.simulation.stepping.timing import Timing
 from rover_pin.simulation.trace.trace import Trace
 
 LAST = 5.0
-"""Seconds at the end over which a drive is measured."""
+"""Duration at the end of a drive over which it is measured [s]."""
 LAWS: dict[str, tuple[str, ...]] = {
     "old: SideShear": (),
     "combined shear alone": ("CombinedShear",),
@@ -82,12 +83,12 @@ PANELS = {
     "crab": ("crab, wheels at 20 deg: path", *PATH),
     "across": ("across a slope of 10 deg: drift", "along the contour [m]", "drifted downhill [mm]"),
 }
-"""What each panel shows."""
+"""Title, x label and y label of each panel."""
 SCENE = {"turn": "turn", "skid": "turn", "crab": "crab", "across": "park"}
 
 
 def main() -> None:
-    """Drive, write and print."""
+    """Drive every manoeuvre with every law, write the table and the figure, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="old and new, 10 s")
     parser.add_argument("--out", type=Path, default=Path("out/side_force"))
@@ -102,19 +103,21 @@ def main() -> None:
 
 
 def driven(way: str, law: tuple[str, ...], duration: float) -> Trace:
-    """Return a drive of this way with these effects added."""
-    made = scenario(SCENE[way], duration=duration, side="shear", add=law, **WAYS[way])
+    """Return the trace of a manoeuvre with these effects added."""
+    case = scenario(SCENE[way], duration=duration, side="shear", add=law, **WAYS[way])
     if way != "across":
-        return made.drive()
-    return simulate(made.model, Crab.of(made.model.built, 0.0), duration, made.start, Timing())
+        return case.drive()
+    # Straight ahead across the slope: a crab angle of zero keeps the wheels straight.
+    return simulate(case.model, Crab.of(case.model.built, 0.0), duration, case.start, Timing())
 
 
 def row(way: str, name: str, trace: Trace) -> dict[str, Any]:
-    """Return what a drive came to."""
+    """Return the row of a drive, measured over its last LAST seconds."""
     late = trace.t >= trace.t[-1] - LAST
-    x, y, yaw = (trace[f"body_{each}"][late] for each in ("x", "y", "yaw"))
+    x, y, yaw = (trace[f"body_{coordinate}"][late] for coordinate in ("x", "y", "yaw"))
     dx, dy, turned = np.diff(x), np.diff(y), float(np.unwrap(yaw)[-1] - yaw[0])
     travelled = float(np.hypot(dx, dy).sum())
+    # Angle between the direction of travel and the body's axis.
     off = np.arctan2(dy, dx) - yaw[1:]
     side = np.abs(trace.stack("lateral")[late]) / trace.stack("normal")[late]
     return {
@@ -132,7 +135,7 @@ def row(way: str, name: str, trace: Trace) -> dict[str, Any]:
 
 
 def draw(traces: dict[tuple[str, str], Trace]) -> Figure:
-    """Draw of each way what the laws part: where the path is the same to the eye, it is drawn to say so."""
+    """Draw the paths, headings and drifts of each manoeuvre with every law."""
     figure = Figure(figsize=(11, 7), layout="constrained")
     panels = dict(zip(WAYS, figure.subplots(2, 2).ravel(), strict=True))
     looks = dict(zip(LAWS, zip(COLOURS, ("-", "-", "--", ":"), strict=False), strict=True))
@@ -148,8 +151,8 @@ def draw(traces: dict[tuple[str, str], Trace]) -> Figure:
 
 
 def seen(way: str, trace: Trace) -> tuple[np.ndarray, np.ndarray]:
-    """Return what a panel shows: the turn of a skid over time, the drift down a slope, else the path."""
-    x, y = (trace[f"body_{each}"] - trace[f"body_{each}"][0] for each in ("x", "y"))
+    """Return the curve of a panel: heading over time for a skid, drift down a slope, else the path."""
+    x, y = (trace[f"body_{coordinate}"] - trace[f"body_{coordinate}"][0] for coordinate in ("x", "y"))
     if way == "skid":
         return trace.t, np.degrees(np.unwrap(trace["body_yaw"]))
     return (y, -1e3 * x) if way == "across" else (x, y)

@@ -1,24 +1,26 @@
-"""Controllers of the duty side by side: what each senses, how often it arrives, and how often it buries a wheel.
+"""Compare controllers of the duty: sensors that each needs, share of drives that arrive, and share that bury a wheel.
 
 Question
-    What does slip control cost and gain over all grounds, by what it senses and by which slip it wants?
+    What are the costs and gains of slip control over all grounds, by its sensors and by its desired slip?
 Method
-    300 drives of 40 s as `slip_sensing` draws them (inclines that dig, ditches, slopes that steepen, hills, rocks;
-    soils, digging and the rover drawn), from three seeds on which nothing was chosen; each with its own seed of the
-    sensors' noise, where a controller reads sensors. A drive passes that comes past its obstacle, and is buried where a
-    wheel sinks by half its radius. Constant duty 0.55; the paper's law with S_d = 0.2 and gains set by hand; the law
-    whose S_d falls from 0.6 to 0.1 with each wheel's own hole, from the true slip and speed, and from the on-board
-    estimate that stops for good where it is stuck. `--also`: the same with a camera, with a sand taken for a weaker one
-    (k 1.5 times, phi 3 deg less), and from a tracker's slip with noise and delay, on the 100 drives of the first seed.
+    300 drives of 40 s are drawn as in `slip_sensing` (inclines that dig, ditches, slopes that steepen, hills, rocks;
+    soils, digging and the rover drawn), from three seeds on which nothing was chosen. Each drive has its own seed of
+    the sensors' noise if the controller reads sensors. A drive passes if it gets past its obstacle. A drive is buried
+    if a wheel sinks by half its radius. The controllers are: constant duty 0.55; the paper's law with S_d = 0.2 and
+    hand-set gains; and the law whose S_d falls from 0.6 to 0.1 with each wheel's hole, with the true slip and speed,
+    and with the on-board estimate, which stops the rover for good where it is stuck. `--also`: the on-board law with a
+    camera, with a weaker sand than the true one (k 1.5 times, phi 3 deg less), and with a tracker's slip with noise and
+    delay, on the 100 drives of the first seed.
 Result
-    Passed, buried, mean way: constant duty 195, 84, 1.378 m; S_d = 0.2 153, 0, 1.258 m; by the hole 198, 0, 1.406 m; by
-    the hole on board 192, 1, 1.356 m. What the true slip costs is thus S_d = 0.2 and untuned gains. On board 6 of 39
-    ditches are lost that the true slip passes, where rims roll against a wall while the posture stays;
-    its burial is in a ditch; on all other grounds it passes as many as the true slip.
+    Passed, buried, mean distance: constant duty 195, 84, 1.378 m; S_d = 0.2 153, 0, 1.258 m; by the hole 198, 0, 1.406
+    m; by the hole on board 192, 1, 1.356 m. The distance that the true slip loses therefore comes from S_d = 0.2 and
+    untuned gains. The on-board law loses 6 of 39 ditches that the law with the true slip passes, where rims roll
+    against a wall while the attitude stays constant. Its burial is in a ditch; on all other grounds it passes the same
+    number as with the true slip.
     On the first seed's 100 (constant duty 64, 31, 1.377 m; by the hole 65, 0, 1.404 m; on board 62, 0, 1.356 m): with a
-    camera 62, 0, 1.355 m; on board with a wrong soil 51, 0, 1.211 m; from a tracker's slip 62, 17, 1.332 m. The gains
-    were set on the truth. Why the tracker's buries was not looked into: where the duty is cut, rims are as slow as its
-    noise.
+    camera 62, 0, 1.355 m; on board with a wrong soil 51, 0, 1.211 m; with a tracker's slip 62, 17, 1.332 m. The gains
+    were set on the true slip. The cause of the tracker's burials was not examined; where the duty is cut, the rims are
+    as slow as the tracker's noise.
 What the paper says
     Slip control with S_d = 0.1 passes "without digging the soil or being stuck"; the slip is measured from outside.
 What differs
@@ -52,12 +54,12 @@ from rover_pin.simulation.stepping.timing import CONTROL_PERIOD
 from rover_pin.tuning.evaluations import Evaluations
 
 SEEDS = (290_001, 290_002, 290_003)
-"""Of the drives and of their noise: nothing was chosen on them."""
+"""Seeds of the drives and of their noise. Nothing was chosen on them."""
 ROUNDS, DURATION = 10, 40.0
 
 
 class Control(NamedTuple):
-    """A controller of the table: what it senses, how it is made for a model and a seed, and whether sensors err."""
+    """A controller of the table: its sensors, its constructor from model and seed, and whether they are noisy."""
 
     senses: str
     of: Callable[[Model, int], Controller]
@@ -65,25 +67,25 @@ class Control(NamedTuple):
 
 
 def constant_aim(model: Model, estimate: SlipEstimate) -> Controller:
-    """Return the paper's law with S_d = 0.2 and gains set by hand."""
+    """Return the paper's law with S_d = 0.2 and hand-set gains."""
     return SlipControl(Gains(S_d=0.2), estimate, TorqueLimit.saturation(model))
 
 
 def by_hole(model: Model, estimate: SlipEstimate) -> Controller:
-    """Return the law whose S_d falls with each wheel's hole."""
+    """Return the law whose S_d falls with the depth of each wheel's hole."""
     hole = HoleLaw(r=float(model.rover.wheel.r))
     return SlipControl(HOLE_GAINS, estimate, TorqueLimit.saturation(model), hole=hole)
 
 
 def onboard(model: Model, known: Model, seed: int | None = None) -> Controller:
-    """Return the same with the on-board estimate, that knows another model's soil, and stops when it is stuck."""
+    """Return the hole law with the on-board estimate for the soil of `known`; it stops when the rover is stuck."""
     camera = None if seed is None else VisualOdometry(Camera(), CONTROL_PERIOD, seed)
     estimate = OnboardSlip.of(known, odometry=camera)
     return StopStuck(by_hole(model, estimate), estimate)
 
 
 def tracked(model: Model, seed: int) -> SlipEstimate:
-    """Return the slip of an external tracker."""
+    """Return the slip estimate of an external tracker with noise and delay."""
     return TrackedSlip(model.rover.radii, Tracker(), CONTROL_PERIOD, seed)
 
 
@@ -102,7 +104,7 @@ ALSO = {
 
 
 def main() -> None:
-    """Draw, drive, write and print."""
+    """Drive every case under every controller, and write and print the results."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="three short drives: shows that it runs")
     parser.add_argument("--out", type=Path, default=Path("out/slip_controllers"))
@@ -116,9 +118,10 @@ def main() -> None:
     evaluations = Evaluations(options.out, options.workers or None, said)
     tables = []
     for name in (*CONTROLS, *(ALSO if options.also else ())):
+        # The additional controllers run on the first seed only, because they are expensive.
         mine = cases if name in CONTROLS else cases[: 10 * ROUNDS]
-        found = evaluations.run(name, driven, [(case, name, seed) for case, seed in mine])
-        drives = pd.DataFrame(found, columns=["end_x", "passed", "buried", "slip"])
+        results = evaluations.run(name, driven, [(case, name, seed) for case, seed in mine])
+        drives = pd.DataFrame(results, columns=["end_x", "passed", "buried", "slip"])
         tables.append(drives.assign(control=name, kind=[case.kind for case, _ in mine], seed=[s for _, s in mine]))
         print(line(tables[-1]), flush=True)
     table = pd.concat(tables)
@@ -128,7 +131,7 @@ def main() -> None:
 
 
 def driven(case: Case, name: str, seed: int) -> list[float]:
-    """Return x at the end, whether the drive passed and was buried, and its mean slip."""
+    """Return the final x [m], whether the drive passed and was buried, and its mean slip."""
     scene, control = built(case), (CONTROLS | ALSO)[name]
     law = control.of(scene.model, seed)
     law = NoisyController(law, Sensors(), seed) if control.noisy else law
@@ -136,7 +139,7 @@ def driven(case: Case, name: str, seed: int) -> list[float]:
 
 
 def line(drives: pd.DataFrame) -> str:
-    """Return a controller's row as text."""
+    """Return a controller's results as one line of text."""
     name = drives.control.iloc[0]
     kinds = ", ".join(
         f"{kind} {int(rows.passed.sum())} / {int(rows.buried.sum())}" for kind, rows in drives.groupby("kind")
@@ -148,7 +151,7 @@ def line(drives: pd.DataFrame) -> str:
 
 
 def figure(table: pd.DataFrame, out: Path) -> None:
-    """Draw passed against buried, in percent."""
+    """Draw the share of passed against the share of buried drives, in percent."""
     sheet, axis = plot.new_figure(1, 1, size=(6.5, 4.5))
     shares = table.groupby("control", sort=False)[["passed", "buried"]].mean() * 100.0
     for (name, row), colour in zip(shares.iterrows(), plot.COLOURS, strict=False):

@@ -1,23 +1,23 @@
-"""Slip sensed on board: how near to the truth.
+"""Compare slip estimates from on-board sensors with the true slip.
 
 Question
-    How near does an estimate of the slip from motor currents, wheel rates, attitude and suspension angles come, with
-    the test bed's noise?
+    How accurate is an estimate of the slip from motor currents, wheel rates, attitude and suspension angles, with the
+    noise of the test bed?
 Method
-    `OnboardSlip` and Eq (9), its table measured for each drive's own model, on 100 held-out drives of 40 s from one
-    seed: digging inclines (3 to 11 deg, k 10 to 50 mm), slopes that steepen, ditches (34 to 50 deg, k 2.5 to 10 mm, up
-    to half of the strength lost), hills, rocks; phi, R, c_d drawn; 16 with the cart. Nothing was set on them. The
-    estimate knows the model's contact law; a second one a wrong soil (k 1.5 times, phi 3 deg less). Bias and SD at
-    constant duty, of wheels that turn.
+    `OnboardSlip` and Eq (9), whose table is measured for each drive's own model, run on 100 held-out drives of 40 s
+    from one seed: digging inclines (3 to 11 deg, k 10 to 50 mm), slopes that steepen, ditches (34 to 50 deg, k 2.5 to
+    10 mm, up to half of the strength lost), hills, rocks; phi, R, c_d drawn; 16 with the cart. Nothing was tuned on
+    them. The on-board estimate knows the model's contact law. A second on-board estimate uses a wrong soil (k 1.5
+    times, phi 3 deg less). Bias and SD are those at constant duty, of wheels that turn.
 Result
-    S_hat - S: Eq (9) bias -0.32, SD 0.43 (a wheel that spins under load turns slower, and reads as gripping); on board
-    +0.006, 0.07: RMS 0.01 to 0.02 on inclines, slopes and hills, 0.03 with the cart, 0.08 in ditches, 0.15 on rocks,
-    where the ground bends within a wheelbase and the slope under each wheel is not known; wrong soil +0.13, 0.14: it
-    must be known.
+    S_hat - S: Eq (9) has bias -0.32 and SD 0.43 (a wheel that spins under load turns more slowly, and Eq (9) reads it
+    as gripping). On board the bias is +0.006 and the SD 0.07: RMS 0.01 to 0.02 on inclines, slopes and hills, 0.03 with
+    the cart, 0.08 in ditches, and 0.15 on rocks, where the ground bends within a wheelbase and the slope under each
+    wheel is unknown. With a wrong soil the values are +0.13 and 0.14, so the soil must be known.
 What the paper says
     "The latter is difficult to measure by on-board sensors and an external measurement system will be needed."
 What differs
-    Here torque is read as slip through the soil's known law.
+    Here the known law of the soil converts the torque into a slip.
 Run: python studies/slip_sensing.py [--quick] [--out DIR]
 """
 
@@ -46,17 +46,17 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.tuning.evaluations import Evaluations
 
 SETTLED, MOVING = 2.0, 0.005
-"""Time from which [s], and rim speed from which [m/s], slips are compared: at rest there is none."""
+"""Time [s] and rim speed [m/s] above which slips are compared. A wheel at rest has no slip."""
 SEED, DURATION, CART = 290_001, 40.0, "cart"
 FIRM = {"rover": "cart", "soil.k_1": 46750.5, "motor.resistance": 26.880696035650764}
-"""The cart on sand that carries it as Table 1 does Nexus 6, its motors sized for slopes, not for turns on the spot."""
+"""The cart on sand that carries it as Table 1 carries Nexus 6, with motors sized for slopes, not for point turns."""
 ESTIMATES = ("eq9", "onboard", "onboard, wrong soil")
 GOAL = {"ditch": 0.95, "incline": 1.2, "slope": 1.2, "hills": 0.8, "rocks": 0.8}
-"""Where the base must come in each scenario [m]."""
+"""Position that the base must reach in each scenario [m]."""
 
 
 class Case(NamedTuple):
-    """One held-out drive."""
+    """One held-out drive: name, kind, scenario and settings."""
 
     name: str
     kind: str
@@ -65,7 +65,7 @@ class Case(NamedTuple):
 
 
 def main() -> None:
-    """Draw, drive, write and print."""
+    """Run the estimates on every drive, and write and print their errors."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one short drive of two kinds: shows that it runs")
     parser.add_argument("--out", type=Path, default=Path("out/slip_sensing"))
@@ -82,30 +82,35 @@ def main() -> None:
 
 
 def said(stage: str, done: int, total: int) -> None:
+    """Print the end of a stage."""
     if done == total:
         print(f"{stage}: {done}", flush=True)
 
 
 def drawn(count: int, duration: float, seed: int = SEED) -> list[Case]:
-    """Return `count` rounds of ten drives: three each on digging inclines and in ditches, and one of each other kind.
+    """Return `count` rounds of ten drives: three digging inclines, three ditches, and four of the other kinds.
 
-    Soil (k, phi), resistance R, shape and digging are drawn; every third drive on an incline, and every third round's
-    hills and rocks, is the cart's.
+    Soil (k, phi), resistance R, shape and digging are drawn. The cart drives every third incline, and the hills and
+    rocks of every third round.
     """
-    chance = np.random.default_rng(seed)
+    random = np.random.default_rng(seed)
 
     def between(low: float, high: float, digits: int = 1) -> float:
-        return round(chance.uniform(low, high), digits)
+        """Return a uniform random number, rounded."""
+        return round(random.uniform(low, high), digits)
 
     def sand(low: float, high: float) -> dict[str, Any]:
-        k = round(math.exp(chance.uniform(math.log(low), math.log(high))), 5)
+        """Return the settings of a random sand; k is drawn on a logarithmic scale."""
+        k = round(math.exp(random.uniform(math.log(low), math.log(high))), 5)
         return {"soil.k": k, "soil.phi_deg": between(27.0, 36.0), "effect.MotionResistance.R": between(0.02, 0.08, 3)}
 
     def hole() -> str:
+        """Return a digging effect of random strength."""
         return f"DiggingMemory.c_d={between(0.05, 0.2, 3)}"
 
     def dug() -> list[str]:
-        return [hole()] if chance.random() < 0.5 else []
+        """Return a digging effect in half of the calls."""
+        return [hole()] if random.random() < 0.5 else []
 
     cases: list[tuple[str, str, dict[str, Any]]] = []
     for i in range(count):
@@ -129,7 +134,7 @@ def drawn(count: int, duration: float, seed: int = SEED) -> list[Case]:
 
 
 def estimate_of(name: str, model: Model) -> SlipEstimate:
-    """Return an estimator of ESTIMATES."""
+    """Return an estimator for a name of ESTIMATES."""
     if name == "eq9":
         return TableEstimate(flat_table(model), float(model.rover.wheel.r))
     if name == "onboard":
@@ -138,98 +143,100 @@ def estimate_of(name: str, model: Model) -> SlipEstimate:
 
 
 def mistaken(model: Model) -> Model:
-    """Return a model whose sand is taken for a weaker one."""
+    """Return the model with a weaker sand than the true one."""
     soil = model.soils[0]
     wrong = soil.replace(k=1.5 * float(soil.k), phi=float(soil.phi) - math.radians(3.0))
     return model.replace(soils=(wrong, *model.soils[1:]))
 
 
 class Kept:
-    """An estimate that keeps what it said, beside the truth; `r` is the wheels' radius [m]."""
+    """A slip estimate that records its values and the true slip. `r` is the wheel radius [m]."""
 
     def __init__(self, estimate: SlipEstimate, r: float):
         self.estimate, self.r = estimate, r
         self.reset()
 
     def reset(self) -> None:
-        """Begin again."""
+        """Clear the record and reset the estimate."""
         self.rows: list[tuple[float, np.ndarray, np.ndarray, np.ndarray]] = []
         if hasattr(self.estimate, "reset"):
             self.estimate.reset()
 
     def slip(self, reading: Reading) -> np.ndarray:
-        """Return S_hat."""
-        told = self.estimate.slip(reading)
+        """Return S_hat of each wheel, and record it with the true slip."""
+        estimated = self.estimate.slip(reading)
         moving = np.abs(self.r * np.asarray(reading.wheel_rate)) > MOVING
-        self.rows.append((reading.t, moving, told, reading.truth.slip))
-        return told
+        self.rows.append((reading.t, moving, estimated, reading.truth.slip))
+        return estimated
 
     def columns(self) -> list[np.ndarray]:
-        """Return times, which wheels turn, S_hat and S."""
-        return [np.array(each) for each in zip(*self.rows, strict=True)]
+        """Return times, flags of turning wheels, S_hat and S."""
+        return [np.array(column) for column in zip(*self.rows, strict=True)]
 
     def error(self) -> np.ndarray:
-        """Return S_hat - S after the start, of wheels that turn."""
-        t, moving, told, true = self.columns()
-        return (told - true)[(t > SETTLED)[:, None] & moving]
+        """Return S_hat - S after the start, of the wheels that turn."""
+        t, moving, estimated, true = self.columns()
+        return (estimated - true)[(t > SETTLED)[:, None] & moving]
 
 
 class Watching:
-    """Constant duty, with estimates beside it."""
+    """A controller with constant duty that runs several estimates."""
 
     def __init__(self, estimates: list[Kept]):
         self.estimates = estimates
 
     def reset(self) -> None:
-        """Begin again."""
-        for each in self.estimates:
-            each.reset()
+        """Reset every estimate."""
+        for estimate in self.estimates:
+            estimate.reset()
 
     def __call__(self, reading: Reading) -> Command:
-        """Return the duty."""
-        for each in self.estimates:
-            each.slip(reading)
+        """Run the estimates on the reading and return the constant duty."""
+        for estimate in self.estimates:
+            estimate.slip(reading)
         return Command(Gains().delta_0)
 
 
 def built(case: Case) -> Scenario:
+    """Return the scenario of a case."""
     return scenario(case.scene, **dict(case.settings))
 
 
 def run(scene: Scenario, controller: Any, seed: int) -> Trace:
+    """Return the trace of a scenario under a controller that reads noisy sensors."""
     sensed = NoisyController(controller, Sensors(), seed)
     return simulate(scene.model, sensed, scene.duration, scene.start, scene.timing, measure_error=False)
 
 
 def watched(case: Case, seed: int) -> list[float]:
-    """Return number of slips, sum and sum of squares of each estimate's errors at constant duty."""
+    """Return count, sum and sum of squares of the errors of each estimate at constant duty, as a flat list."""
     scene = built(case)
-    kept = estimates(scene)
-    run(scene, Watching(list(kept.values())), seed)
-    errors = [kept[name].error() if name in kept else np.zeros(0) for name in ESTIMATES]
-    return [float(value) for each in errors for value in (each.size, each.sum(), (each**2).sum())]
+    recorders = estimates(scene)
+    run(scene, Watching(list(recorders.values())), seed)
+    errors = [recorders[name].error() if name in recorders else np.zeros(0) for name in ESTIMATES]
+    return [float(value) for error in errors for value in (error.size, error.sum(), (error**2).sum())]
 
 
 def estimates(scene: Scenario) -> dict[str, Kept]:
-    """Return the estimators of a drive's own model; Eq (9) has no table where the flat of its sand is not driven."""
-    kept = {}
+    """Return the estimators of a drive's own model. Eq (9) has no table if the flat of its sand cannot be driven."""
+    recorders = {}
     for name in ESTIMATES:
         with contextlib.suppress(ParameterError):
-            kept[name] = Kept(estimate_of(name, scene.model), float(scene.model.rover.wheel.r))
-    return kept
+            recorders[name] = Kept(estimate_of(name, scene.model), float(scene.model.rover.wheel.r))
+    return recorders
 
 
 def outcome(case: Case, trace: Trace) -> list[float]:
-    """Return x at the end, whether it passed and was buried, and the mean slip."""
+    """Return the final x [m], whether the drive passed and was buried, and the mean slip."""
     x, buried = trace["body_x"], str(trace.attrs["stop"]).startswith("buried")
     return [float(x[-1]), float(np.max(x) > GOAL[case.scene]), float(buried), float(np.mean(trace.stack("slip")))]
 
 
-def told(found: list[list[float]], cases: list[Case]) -> pd.DataFrame:
-    """Return bias, SD and RMS of the slip of each estimate by kind of drive, and over all."""
+def told(sums: list[list[float]], cases: list[Case]) -> pd.DataFrame:
+    """Return bias, SD and RMS of each estimate's slip error by kind of drive, and over all drives."""
     rows = []
     for at, name in enumerate(ESTIMATES):
-        table = np.array(found)[:, 3 * at : 3 * at + 3]
+        table = np.array(sums)[:, 3 * at : 3 * at + 3]
         for kind in (*dict.fromkeys(case.kind for case in cases), "all"):
             count, total, squares = table[[kind in (case.kind, "all") for case in cases]].sum(axis=0)
             bias, rms = total / max(count, 1), math.sqrt(squares / max(count, 1))
@@ -247,15 +254,15 @@ def report(errors: pd.DataFrame) -> str:
 
 def figure(cases: list[Case], out: Path) -> None:
     """Draw true and estimated slip of the front left wheel over one drive of the first three kinds."""
-    shown = [next(case for case in cases if case.kind == kind) for kind in dict.fromkeys(c.kind for c in cases)][:3]
-    sheet, axes = plot.new_figure(1, len(shown), size=(5.0 * len(shown), 4.2))
-    for axis, case in zip(np.atleast_1d(axes), shown, strict=True):
-        kept = estimates(scene := built(case))
-        run(scene, Watching(list(kept.values())), cases.index(case))
-        t, _, _, true = kept["onboard"].columns()
+    examples = [next(case for case in cases if case.kind == kind) for kind in dict.fromkeys(c.kind for c in cases)][:3]
+    sheet, axes = plot.new_figure(1, len(examples), size=(5.0 * len(examples), 4.2))
+    for axis, case in zip(np.atleast_1d(axes), examples, strict=True):
+        recorders = estimates(scene := built(case))
+        run(scene, Watching(list(recorders.values())), cases.index(case))
+        t, _, _, true = recorders["onboard"].columns()
         axis.plot(t, true[:, 0], color="black", lw=1.5, label="true")
-        for (name, each), colour in zip(kept.items(), plot.COLOURS, strict=False):
-            axis.plot(t, each.columns()[2][:, 0], color=colour, lw=0.9, label=name)
+        for (name, recorder), colour in zip(recorders.items(), plot.COLOURS, strict=False):
+            axis.plot(t, recorder.columns()[2][:, 0], color=colour, lw=0.9, label=name)
         axis.set(xlabel="t [s]", ylabel="slip of the front left wheel", title=case.name, ylim=(-1.05, 1.05))
         axis.legend(fontsize=8)
         axis.grid(alpha=0.3)

@@ -1,20 +1,21 @@
-"""Whether drives state their own error: random drives against a sixteenth of the step.
+"""Compare the error that a drive states with its true error: random drives against a sixteenth of the step.
 
 Question
-    Is the error that a drive states never below its true one, and not much above? How many keep their tolerance?
+    Is the stated error of a drive never below its true error, and not much above it? How many drives keep their
+    tolerance?
 Method
-    Scene, rover, sand, effects, gravity, control, duty, start and duration (3 to 10 s) are drawn; lengths and angles of
-    the ground lie within a factor of 2 of the scene's own. Each drive chooses its step and states its error
-    (`outcome/step_error.py`); the true one is the greatest distance in x and y, and the greatest change of a wheel's
-    mean load over the mean of all, from the same drive at a sixteenth of the usual step, or a quarter of its own
-    where that is finer.
+    Scene, rover, sand, effects, gravity, control, duty, start and duration (3 to 10 s) are drawn. Lengths and angles of
+    the ground are within a factor of 2 of the scene's own values. Each drive chooses its step and states its error
+    (`outcome/step_error.py`). The true error is the maximum distance in x and y, and the maximum change of a wheel's
+    mean load over the mean of all, from the same drive at a sixteenth of the usual step, or at a quarter of its own
+    step if that is finer.
 Result
-    studies/results/step_error.csv. A drive that is stopped goes on with those it has not driven yet.
+    studies/results/step_error.csv. An interrupted run continues with the missing drives.
 What the paper says
-    Nothing.
+    The paper states no numerical error.
 What differs
-    A sixteenth of the step is taken for the truth. Under a control that decides by chance (`onboard`, a particle
-    filter) it is one of several ways that the drive may take.
+    A sixteenth of the step counts as the truth. Under a control with random decisions (`onboard`, a particle filter) it
+    is one of several possible drives.
 
 Run: python studies/step_error.py [--quick] [--drives N] [--out DIR]
 """
@@ -42,23 +43,23 @@ SCENES = (
     "hills", "turn", "point-turn", "crab",
 )  # fmt: skip
 STEERED = ("turn", "point-turn", "crab")
-"""Scenes that come with their own control."""
+"""Scenes that define their own control."""
 SOILS = (
     "table-1", "slope-sand", "literature-sand", "dry-sand", "fjs-1", "hit-lss1", "lunar-nominal", "mars-sand",
 )  # fmt: skip
 EFFECTS: tuple[tuple[str, ...], ...] = ((), ("SlipSinkage",), ("MultiPass",), ("DiggingMemory", "PostPeak"))
 CONTROLS = {"none": 0.4, "true": 0.3, "onboard": 0.2, "eq9": 0.1}
-"""With their shares."""
+"""Kinds of control with their probabilities."""
 SCALED = {
     "terrain.angle", "terrain.rate", "terrain.steepest", "terrain.height", "terrain.length", "terrain.depth",
     "terrain.wall_angle", "terrain.width", "terrain.amplitude", "terrain.wavelength", "control.radius",
 }  # fmt: skip
 MAX_REFINEMENT, FINER_THAN_OWN = 16, 4
-"""Parts of the usual step, and at least of the one that a drive took, at which it is taken for true."""
+"""Refinement of the reference: parts of the usual step, and minimum parts of the step that a drive chose."""
 
 
 def main() -> None:
-    """Drive what is not yet in the table, and draw stated over true errors."""
+    """Run the drives that are missing in the table, and draw the stated over the true errors."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="three drives of 1 s: shows that it runs")
     parser.add_argument("--drives", type=int, default=1000)
@@ -78,24 +79,24 @@ def main() -> None:
 
 
 def summary(table: pd.DataFrame) -> list[str]:
-    """Return what the table comes to."""
-    low, kept = table["off_m"] > table["stated_m"], table["kept"].astype(bool)
+    """Return the summary of the table: tolerances kept, errors underestimated, and median ratios."""
+    low, keeps = table["off_m"] > table["stated_m"], table["kept"].astype(bool)
     ratio, load_ratio = table["stated_m"] / table["off_m"], table["load_stated"] / table["load_off"]
     return [
-        f"{len(table)} drives, {kept.sum()} keep their tolerance of {1e3 * TOLERANCE:g} mm",
-        f"true error above the stated one: {low.sum()}, {(low & kept).sum()} of them said to keep it, "
-        f"{(kept & (table['off_m'] > TOLERANCE)).sum()} of these do not",
+        f"{len(table)} drives, {keeps.sum()} keep their tolerance of {1e3 * TOLERANCE:g} mm",
+        f"true error above the stated one: {low.sum()}, {(low & keeps).sum()} of them said to keep it, "
+        f"{(keeps & (table['off_m'] > TOLERANCE)).sum()} of these do not",
         f"stated over true, in the median: {ratio.median():.2g} in place, {load_ratio.median():.2g} of the loads",
     ]
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a number on a logarithmic scale."""
+    """Return a random number on a logarithmic scale."""
     return float(math.exp(rng.uniform(math.log(low), math.log(high))))
 
 
 def drawn(seed: int) -> tuple[str, dict[str, Any]]:
-    """Return the scene and the settings of a drive."""
+    """Return scene and settings of a random drive."""
     rng = np.random.default_rng([30, seed])
     scene = str(rng.choice(SCENES))
     rover = "cart" if scene != "crab" and rng.random() < 0.25 else "nexus6"
@@ -107,61 +108,65 @@ def drawn(seed: int) -> tuple[str, dict[str, Any]]:
         "gravity": str(rng.choice(["earth", "mars", "moon"])),
         "duration": round(log_uniform(rng, 3.0, 10.0)),
     }
+    # Half of the drives change k; the torque form then needs the R of that sand, so that it can cruise.
     if rng.random() < 0.5:
         settings["soil.k"] = log_uniform(rng, 10**-2.5, 10**-1.5)
         settings |= {"cruise_slip": 0.05} if settings["form"] == "torque" else {}
     control = {} if scene in STEERED else {"control": str(rng.choice([*CONTROLS], p=[*CONTROLS.values()]))}
     if control.get("control") == "none":
         settings["control.delta"] = log_uniform(rng, 0.2, 0.9)
-    for each in catalogue.settings(scene, rover=rover, **control):
-        if each.name in SCALED:
-            settings[each.name] = min(each.high, max(each.low, each.value * log_uniform(rng, 0.5, 2.0)))
-        elif each.name == "terrain.seed":
-            settings[each.name] = int(rng.integers(1000))
+    # Lengths and angles within a factor of 2, clipped to the bounds of the setting.
+    for setting in catalogue.settings(scene, rover=rover, **control):
+        if setting.name in SCALED:
+            settings[setting.name] = min(setting.high, max(setting.low, setting.value * log_uniform(rng, 0.5, 2.0)))
+        elif setting.name == "terrain.seed":
+            settings[setting.name] = int(rng.integers(1000))
     if rng.random() < 0.5:
         settings |= {"start.x": float(rng.uniform(-0.2, 0.2)), "start.yaw": float(rng.uniform(-0.3, 0.3))}
     return scene, settings | control
 
 
 def judged(seed: int, seconds: float | None) -> dict[str, Any]:
-    """Return true and stated errors of a drive; none of them where it is refused, or its ground too stiff for finer."""
+    """Return true and stated errors of a drive, or the reason if the drive or its reference is refused."""
     scene, settings = drawn(seed)
     settings |= {"duration": seconds} if seconds else {}
     row = {"seed": seed, "scene": scene, "control": settings.get("control", ""), "rover": settings["rover"]}
     try:
         chosen = scenario(scene, **settings)
-        own = chosen.drive()
-        exact = finer(chosen, own)
+        driven = chosen.drive()
+        exact = finer(chosen, driven)
     except RoverPinError as refusal:
         return row | {"refused": str(refusal).splitlines()[0][:80]}
-    n = min(len(own.t), len(exact.t))
-    off = np.hypot(*(own[name][:n] - exact[name][:n] for name in ("body_x", "body_y")))
-    load, exact_load = (trace.stack("normal")[:n].mean(axis=0) for trace in (own, exact))
+    # A drive may stop early, so only the common rows are compared.
+    n = min(len(driven.t), len(exact.t))
+    off = np.hypot(*(driven[name][:n] - exact[name][:n] for name in ("body_x", "body_y")))
+    load, exact_load = (trace.stack("normal")[:n].mean(axis=0) for trace in (driven, exact))
     return row | {
-        "dt_s": own.attrs["dt_s"],
-        "kept": not any("exceeds the tolerance" in warning for warning in own.attrs["warnings"]),
+        "dt_s": driven.attrs["dt_s"],
+        "kept": not any("exceeds the tolerance" in warning for warning in driven.attrs["warnings"]),
         "off_m": float(off.max()),
-        "stated_m": own.attrs["step_error_m"],
+        "stated_m": driven.attrs["step_error_m"],
         "load_off": float(np.abs(load - exact_load).max() / exact_load.mean()),
-        "load_stated": own.attrs["step_error_load"],
-        "stop": own.attrs["stop"].split(" ")[0].rstrip(":"),
+        "load_stated": driven.attrs["step_error_load"],
+        "stop": driven.attrs["stop"].split(" ")[0].rstrip(":"),
         "stop_exact": exact.attrs["stop"].split(" ")[0].rstrip(":"),
     }
 
 
-def finer(chosen: Scenario, own: Trace) -> Trace:
-    """Return the drive at the step that is taken for true."""
-    usual = dataclasses.replace(chosen, duration=chosen.timing.control).drive(measure_error=False).attrs["dt_s"]
-    divided = max(MAX_REFINEMENT, FINER_THAN_OWN * round(usual / own.attrs["dt_s"]))
+def finer(chosen: Scenario, driven: Trace) -> Trace:
+    """Return the reference drive at the finer step."""
+    # One control period is enough to find the step that the scenario usually takes.
+    usual_dt = dataclasses.replace(chosen, duration=chosen.timing.control).drive(measure_error=False).attrs["dt_s"]
+    divided = max(MAX_REFINEMENT, FINER_THAN_OWN * round(usual_dt / driven.attrs["dt_s"]))
     timing = dataclasses.replace(chosen.timing, divided=divided)
     return dataclasses.replace(chosen, timing=timing).drive(measure_error=False)
 
 
 def figure(table: pd.DataFrame, out: Path) -> None:
-    """Draw stated over true errors."""
+    """Draw the stated over the true errors."""
     sheet, axes = new_figure(1, size=(6.0, 4.5))
-    for colour, (kept, rows) in zip(COLOURS, table.groupby(table["kept"].astype(bool)), strict=False):
-        label = "keeps its tolerance" if kept else "says that it keeps none"
+    for colour, (keeps, rows) in zip(COLOURS, table.groupby(table["kept"].astype(bool)), strict=False):
+        label = "keeps its tolerance" if keeps else "says that it keeps none"
         axes.loglog(1e3 * rows["off_m"], 1e3 * rows["stated_m"], ".", color=colour, label=label)
     ends = np.array([1e-5, 1e2])
     axes.plot(ends, ends, color="0.5", label="as stated")

@@ -1,27 +1,28 @@
-"""Torque bounds of the wheels against load, slope and soil: which wheel slips first, and can the motor do it?
+"""Torque bounds of the wheels by load, slope and soil: which wheel slips first, and does the motor reach the bounds?
 
 Question
-    How much torque may each of the six wheels take before it slips more than 0.2 (T_lim), and before the soil yields
-    under all of its arc (T_sat)? Which wheel comes first on a slope, what slope does the pull at the bound hold, and
-    can a motor with 1 N m stall torque (assumed) pass the bounds?
+    How much torque can each of the six wheels take before it slips more than 0.2 (T_lim), and before the soil yields
+    under its full arc (T_sat)? Which wheel slips first on a slope, which slope does the pull at the bound hold, and
+    does a motor with 1 N m stall torque (assumed) exceed the bounds?
 Method
     `torque_bounds` over load for four soils; `rover_torque_bounds` over slope with the loads of static balance;
-    `climbable_slope` for the net, torque and gross reading of the traction factor; stall torque over bound.
+    `climbable_slope` for the net, torque and gross form of the traction factor; the bound over the stall torque.
 Result
-    T_sat is nearly proportional to the load; T_lim grows as W^1.46 on the literature's sand (53 mN m at 10 N). On 12
-    deg of it T_lim is 38, 33 and 75 mN m for front, middle and rear. The middle wheels are the lightest on every slope
-    here, so with equal motors at equal duty and speed they slip first, on every soil. A held wheel passes T_lim at duty
-    0.03 to 0.08 and T_sat at 0.19 to 0.33: duty 0.55 spins any wheel that the rover cannot follow.
+    T_sat is nearly proportional to the load; T_lim grows as W^1.46 on the literature's sand (53 mN m at 10 N). On a 12
+    deg slope of this sand T_lim is 38, 33 and 75 mN m for front, middle and rear. The middle wheels carry the smallest
+    load on every slope here, so with equal motors at equal duty and speed they slip first, on every soil. A blocked
+    wheel exceeds T_lim at duty 0.03 to 0.08 and T_sat at 0.19 to 0.33, so duty 0.55 spins any wheel that the rover
+    cannot follow.
     All wheels at S = 0.2 hold 3.3 deg on Table 1 and 6.6 deg on the literature's sand (torque form), at S = 1 10.3 and
-    17.7 deg; in the net form not even the flat at S = 0.2. Full shear would hold 28 and 30 deg, but with k = 50 or 25
-    mm under a 45 mm wheel even S = 1 asks a third and a half of T_sat.
+    17.7 deg; in the net form they do not even drive on the flat at S = 0.2. Full shear would hold 28 and 30 deg, but
+    with k = 50 or 25 mm under a 45 mm wheel even S = 1 uses only a third and a half of T_sat.
 What the paper says
     Section 5: "limit the driving torque not to exceed the maximum share"; section 4.2: at 12 deg "the tire driving
     force exceeded the maximum share force of the soil, then the wheel started to dig a hole".
 What differs
-    With Table 1 the pull at S = 1 holds 10.3 deg (torque form), the soil's full strength 28 deg: the slip runs to 1
-    long before c + sigma tan(phi) is reached. A limiter at T_sat, read to the letter, does not stop that; one at T_lim
-    does. The paper gives neither bound as a formula.
+    With Table 1 the pull at S = 1 holds 10.3 deg (torque form) and the soil's full strength 28 deg: the slip reaches 1
+    long before c + sigma tan(phi) is reached. A limiter at T_sat, as the text states it, does not prevent that; a
+    limiter at T_lim does. The paper gives neither bound as a formula.
 
 Run: python studies/torque_bounds.py [--quick] [--out DIR]
 """
@@ -57,7 +58,7 @@ PAPER_SLOPE, CRUISE_DUTY = 12.0, 0.55
 
 
 def main() -> None:
-    """Compute, write and print."""
+    """Compute all tables, write them with the figure, and print the bounds on the paper's slope."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a tenth of the loads and slopes")
     parser.add_argument("--out", type=Path, default=Path("out/torque_bounds"))
@@ -79,6 +80,7 @@ def main() -> None:
 
 
 def by_load(loads: np.ndarray) -> pd.DataFrame:
+    """Return T_lim and T_sat of one wheel over load, for each soil."""
     rows = []
     for soil in SETS:
         for load in loads:
@@ -88,6 +90,7 @@ def by_load(loads: np.ndarray) -> pd.DataFrame:
 
 
 def by_slope(slopes_deg: np.ndarray) -> pd.DataFrame:
+    """Return the bounds of all wheels of the rover over slope, for each soil."""
     rows = []
     for soil in SETS:
         for slope in slopes_deg:
@@ -97,22 +100,26 @@ def by_slope(slopes_deg: np.ndarray) -> pd.DataFrame:
 
 
 def climbable() -> pd.DataFrame:
+    """Return the slope that the pull holds at S_lim, at S = 1 and at full shear, for each soil and form."""
     rows = []
     for soil in SETS:
         for form in FORMS.values():
             full, at_limit = climbable_slope(ROVER, SOILS[soil], TractionLimit(S_LIM, form))
+            # A limit at S = 1 gives the pull of wheels that spin on the spot.
             _, spinning = climbable_slope(ROVER, SOILS[soil], TractionLimit(1.0, form))
             rows.append((soil, form.name, *(math.degrees(slope) for slope in (at_limit, spinning, full))))
     return pd.DataFrame(rows, columns=["soil", "form", "deg_at_S_lim", "deg_at_S_1", "deg_at_full_shear"])
 
 
 def first_to_slip(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the wheels that slip first, with the range of slopes, for each soil."""
     first = table[table.slips_first].groupby(["soil", "slope_deg"]).wheel.agg(" ".join).reset_index()
     spans = first.groupby(["soil", "wheel"], sort=False).slope_deg.agg(["min", "max"]).reset_index()
     return spans.rename(columns={"wheel": "first to slip", "min": "from_deg", "max": "to_deg"})
 
 
 def draw(tables: dict[str, pd.DataFrame], path: Path) -> None:
+    """Draw the four panels of the figure."""
     figure, axes = plt.subplots(2, 2, figsize=(12, 9), layout="constrained")
     draw_load(axes[0, 0], tables["by_load"])
     on_slope = tables["by_slope"][tables["by_slope"].soil == ON_SLOPE]
@@ -126,10 +133,11 @@ def draw(tables: dict[str, pd.DataFrame], path: Path) -> None:
 
 
 def draw_load(axis: Axes, table: pd.DataFrame) -> None:
+    """Draw the bounds of one wheel over load."""
     for soil, colour in SETS.items():
-        own = table[table.soil == soil]
-        axis.plot(own.load_N, 1e3 * own.T_sat_Nm, color=colour, label=soil)
-        axis.plot(own.load_N, 1e3 * own.T_lim_Nm, color=colour, ls="--")
+        of_soil = table[table.soil == soil]
+        axis.plot(of_soil.load_N, 1e3 * of_soil.T_sat_Nm, color=colour, label=soil)
+        axis.plot(of_soil.load_N, 1e3 * of_soil.T_lim_Nm, color=colour, ls="--")
     axis.plot([], [], color="black", label="T_sat: soil yields")
     axis.plot([], [], color="black", ls="--", label=f"T_lim: S = {S_LIM:g}")
     axis.set(title="Bounds of one wheel", xlabel="load W [N]", ylabel="torque [mN m]", xlim=(0, 25), ylim=(0, None))
@@ -137,10 +145,11 @@ def draw_load(axis: Axes, table: pd.DataFrame) -> None:
 
 
 def draw_slope(axis: Axes, table: pd.DataFrame) -> None:
+    """Draw the bounds of the rover's wheels over slope."""
     for wheel, (name, colour) in AXLES.items():
-        own = table[table.wheel == wheel]
-        axis.plot(own.slope_deg, 1e3 * own.T_sat_Nm, color=colour, label=name)
-        axis.plot(own.slope_deg, 1e3 * own.T_lim_Nm, color=colour, ls="--")
+        of_wheel = table[table.wheel == wheel]
+        axis.plot(of_wheel.slope_deg, 1e3 * of_wheel.T_sat_Nm, color=colour, label=name)
+        axis.plot(of_wheel.slope_deg, 1e3 * of_wheel.T_lim_Nm, color=colour, ls="--")
     axis.axvline(PAPER_SLOPE, color="black", ls=":", lw=1.2, label="12 deg (Fig 8)")
     axis.set(title=f"Bounds of the rover's wheels, {ON_SLOPE} (lines as left)")
     axis.set(xlabel="slope [deg]", ylabel="torque [mN m]", xlim=(0, 30), ylim=(0, None))
@@ -148,15 +157,16 @@ def draw_slope(axis: Axes, table: pd.DataFrame) -> None:
 
 
 def draw_climbable(axis: Axes, table: pd.DataFrame) -> None:
+    """Draw the slopes that the pull holds, for each soil and form."""
     places = {soil: i for i, soil in enumerate(SETS)}
     shades = {"net": "tab:red", "torque": "tab:blue", "gross": "tab:green"}
     for offset, (form, colour) in zip((-0.25, 0.0, 0.25), shades.items(), strict=True):
-        own = table[table.form == form]
-        x = np.array([places[soil] + offset for soil in own.soil])
-        axis.vlines(x, own.deg_at_S_lim, own.deg_at_full_shear, color=colour, lw=2, label=form)
-        axis.plot(x, own.deg_at_S_lim, "o", color=colour)
-        axis.plot(x, own.deg_at_S_1, "s", color=colour)
-        axis.plot(x, own.deg_at_full_shear, "_", color=colour, ms=12, mew=2)
+        of_form = table[table.form == form]
+        x = np.array([places[soil] + offset for soil in of_form.soil])
+        axis.vlines(x, of_form.deg_at_S_lim, of_form.deg_at_full_shear, color=colour, lw=2, label=form)
+        axis.plot(x, of_form.deg_at_S_lim, "o", color=colour)
+        axis.plot(x, of_form.deg_at_S_1, "s", color=colour)
+        axis.plot(x, of_form.deg_at_full_shear, "_", color=colour, ms=12, mew=2)
     for marker, name in (("o", f"all wheels at S = {S_LIM:g}"), ("s", "at S = 1"), ("_", "at full shear")):
         axis.plot([], [], marker, color="black", label=name)
     axis.axhline(PAPER_SLOPE, color="black", ls=":", lw=1.2)
@@ -167,10 +177,11 @@ def draw_climbable(axis: Axes, table: pd.DataFrame) -> None:
 
 
 def draw_margin(axis: Axes, table: pd.DataFrame) -> None:
+    """Draw the duty at which a blocked wheel reaches its bound, over slope."""
     for wheel, (name, colour) in AXLES.items():
-        own = table[table.wheel == wheel]
-        axis.plot(own.slope_deg, own.T_sat_Nm / MOTOR.stall_torque, color=colour, label=name)
-        axis.plot(own.slope_deg, own.duty_lim, color=colour, ls="--")
+        of_wheel = table[table.wheel == wheel]
+        axis.plot(of_wheel.slope_deg, of_wheel.T_sat_Nm / MOTOR.stall_torque, color=colour, label=name)
+        axis.plot(of_wheel.slope_deg, of_wheel.duty_lim, color=colour, ls="--")
     axis.axhline(CRUISE_DUTY, color="black", ls=":", lw=1.2, label="duty 0.55, without control")
     axis.set(title=f"Duty at which a held wheel reaches its bound, {ON_SLOPE}")
     axis.set(xlabel="slope [deg]", ylabel="duty = bound / stall torque [-]", xlim=(0, 30), ylim=(0, 0.8))

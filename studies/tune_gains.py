@@ -1,31 +1,32 @@
-"""What tuned gains are worth where wheels dig in: the slip control before and after, the torque check, none at all.
+"""The value of tuned gains where wheels dig in: slip control before and after tuning, torque limit, and no control.
 
 Question
-    The paper gives S_d = 0.1 and no gains. What gains does an optimiser choose for sand that wheels dig in, on slopes
-    and in ditches, what do they cost on drives that it has not seen, and where does the control help at all?
+    The paper gives S_d = 0.1 and no gains. Which gains does an optimiser choose for sand in which wheels dig, on slopes
+    and in ditches, what is their cost on held-out drives, and where does the control help?
 Method
-    `tune_gains` on studies/tune_slopes.toml (digging slopes) and studies/tune_ditch.toml (digging ditches and slopes, a
-    bump), the true slip fed back: differential evolution on the reduced model where its slip is that of the full rover,
-    else on this; Nelder-Mead from its two best, on the full rover, which judges all. The cost has
-    sinkage beside progress, slip and energy, weighted as the files say; gains that bury fewer wheels come first. Beside
-    it: constant duty, the torque check at S = 0.5 alone, and Eq (9) with the same gains. Then the landscape over k_p
-    and k_i on the slopes.
+    `tune_gains` runs on studies/tune_slopes.toml (digging slopes) and studies/tune_ditch.toml (digging ditches and
+    slopes, a bump), with the true slip fed back. Differential evolution uses the reduced model where its slip agrees
+    with the full rover, else the full rover. Nelder-Mead then starts from its two best points on the full rover, which
+    decides all comparisons. The cost weighs sinkage, progress, slip and energy as the files state; gains that bury
+    fewer wheels always rank first. For comparison: constant duty, the torque limit at S = 0.5 alone, and Eq (9) with
+    the same gains. Finally the cost is mapped over k_p and k_i on the slopes.
 Result
-    Mean cost on drives that were not tuned on, slopes / ditches and slopes: constant duty 2.825 / 3.826 (83 and 88 %
-    stuck, 50 and 75 % buried), torque check alone 1.327 / 2.178, hand-set gains with the true slip 0.853 / 1.597, tuned
-    0.477 / 0.883 (none and 25 % stuck, none buried); Eq (9) with the hand-set gains 2.228 / 3.487, with the tuned ones
-    2.824 / 3.803. Tuned are S_d = 0.45, k_p = 1.9, k_i = 3.2 for the slopes, 0.39, 2.1 and 0.067 for the ditches.
-    On slopes tuned gains help on 5 of 6 held out and harm on none; the torque check, which senses no slip, keeps wheels
-    from being buried but leaves 5 stuck. Of the 8 others tuned gains help on 7 and harm on one, the bump, which
-    constant duty passes; they add to the hand-set ones on 6.
+    Mean cost on held-out drives, slopes / ditches and slopes: constant duty 2.825 / 3.826 (83 and 88 % stuck, 50 and 75
+    % buried), torque limit alone 1.327 / 2.178, hand-set gains with the true slip 0.853 / 1.597, tuned 0.477 / 0.883
+    (none and 25 % stuck, none buried); Eq (9) with the hand-set gains 2.228 / 3.487, with the tuned gains 2.824 /
+    3.803. The tuned values are S_d = 0.45, k_p = 1.9, k_i = 3.2 for the slopes, 0.39, 2.1 and 0.067 for the ditches. On
+    slopes tuned gains help on 5 of 6 held-out drives and do no harm. The torque limit, which senses no slip, prevents
+    burials but leaves 5 stuck. Of the 8 other drives tuned gains help on 7 and do harm on one, the bump, which constant
+    duty passes; they improve on the hand-set gains on 6.
     Reduced model against the full rover, tuned gains: slip RMSE 0.004 to 0.020 on slopes, 0.04 on the bump, 0.16 to
-    0.20 in ditches, which the search drives with the full rover, as it does one slope, where other gains are off by
-    0.058. The polish brought the training cost of the two best from 0.4225 and 0.4241 to 0.4211 and 0.4212 on the
-    slopes, from 0.5998 and 0.6044 to 0.5988 and 0.6003 in the ditches.
+    0.20 in ditches. The search drives the ditches with the full rover, and also one slope, where other gains have an
+    error of 0.058. The Nelder-Mead polish lowered the training cost of the two best from 0.4225 and 0.4241 to 0.4211
+    and 0.4212 on the slopes, from 0.5998 and 0.6044 to 0.5988 and 0.6003 in the ditches.
 What the paper says
     Section 5: with the control, S_d = 0.1, the rover gets on "without digging the soil or being stuck".
 What differs
-    The tuned S_d is higher than the paper's. Eq (9) stays without use: it does not see the slip (studies/motors.py).
+    The tuned S_d is higher than the paper's. Eq (9) has no use here, because it does not see the slip
+    (studies/motors.py).
 
 Run: python studies/tune_gains.py [--quick] [--estimate eq9] [--out DIR]
 """
@@ -52,7 +53,7 @@ K_P = K_I = (0.01, 10.0)
 
 
 def main() -> None:
-    """Tune for both ensembles, draw and print."""
+    """Tune for both sets of drives, draw the figures, and print the results."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="two drives and hardly any search: shows that it runs")
     parser.add_argument("--estimate", choices=IDEAL, default="true", help="the slip that is fed back")
@@ -75,7 +76,7 @@ def main() -> None:
 
 
 def asked(name: str, quick: bool) -> TuningStudy:
-    """Return a shipped study; a quick one has its last two drives only and next to no effort."""
+    """Return a shipped study. A quick study has its last two drives only and hardly any search."""
     study = read_tuning(Path(__file__).parent / f"tune_{name}.toml")
     if not quick:
         return study
@@ -84,10 +85,11 @@ def asked(name: str, quick: bool) -> TuningStudy:
 
 
 def digests(ensemble: str, result: TuningResult) -> pd.DataFrame:
+    """Return the statistics of the costs by set and control."""
     rows = [
-        (ensemble, where, control, *each)
+        (ensemble, where, control, *statistics)
         for where, controls in result.statistics().items()
-        for control, each in controls.items()
+        for control, statistics in controls.items()
     ]
     return pd.DataFrame(
         rows, columns=["ensemble", "set", "control", "mean", "worst", "tail_10", "stuck_share", "buried_share"]
@@ -95,14 +97,14 @@ def digests(ensemble: str, result: TuningResult) -> pd.DataFrame:
 
 
 def landscape_figure(result: TuningResult, out: Path, points: int) -> None:
-    """Draw the reduced model's cost over k_p and k_i, S_d as tuned and as in the paper."""
+    """Draw the reduced model's cost over k_p and k_i, with S_d as tuned and as in the paper."""
     k_p, k_i = np.geomspace(*K_P, points), np.geomspace(*K_I, points)
     sheet, axes = plot.new_figure(1, 2, size=(12.0, 5.0), sharey=True)
     tables = []
     for axis, S_d, name in zip(axes, (result.study.before.S_d, result.gains.S_d), ("before", "tuned"), strict=True):
         cost = landscape(result.study, S_d, k_p, k_i, out)
-        shown = axis.pcolormesh(log_edges(k_p), log_edges(k_i), cost.T, shading="flat", cmap="viridis")
-        sheet.colorbar(shown, ax=axis, label="cost of the reduced model")
+        mesh = axis.pcolormesh(log_edges(k_p), log_edges(k_i), cost.T, shading="flat", cmap="viridis")
+        sheet.colorbar(mesh, ax=axis, label="cost of the reduced model")
         chosen = result.gains if name == "tuned" else result.study.before
         axis.plot(chosen.k_p, chosen.k_i, "w*", ms=14, mec="black", label=f"{name} gains")
         axis.set(xscale="log", yscale="log", xlabel="k_p [-]", ylabel="k_i [1/s]", title=f"S_d = {S_d:.2f} ({name})")
@@ -114,26 +116,26 @@ def landscape_figure(result: TuningResult, out: Path, points: int) -> None:
 
 
 def log_edges(centres: np.ndarray) -> np.ndarray:
-    """Return the edges of cells whose middles on a logarithmic axis are `centres`, equally spaced there."""
+    """Return the edges of cells with these centres, which are equally spaced on a logarithmic axis."""
     half = np.sqrt(centres[1] / centres[0])
     return np.append(centres / half, centres[-1] * half)
 
 
 def landscape(study: TuningStudy, S_d: float, k_p: np.ndarray, k_i: np.ndarray, out: Path) -> np.ndarray:
-    """Return the cost over the grid; resumes as the tuning does."""
+    """Return the cost over the grid. An interrupted run continues, as the tuning does."""
     laws = [SlipLaw(study.before.replace(S_d=S_d, k_p=float(p), k_i=float(i))) for p in k_p for i in k_i]
     return reduced_costs(study, Evaluations(out / "landscape", None, None), laws).reshape(len(k_p), len(k_i))
 
 
 def most_changed(result: TuningResult) -> DriveCase:
     """Return the training drive whose cost the tuned gains change most against constant duty."""
-    cost = {each.control: [score.cost(result.study.cost) for score in each.training] for each in result.drives}
+    cost = {control_drives.control: [score.cost(result.study.cost) for score in control_drives.training] for control_drives in result.drives}
     change = np.subtract(cost[f"tuned, {result.study.estimate}"], cost["constant duty"])
     return result.study.training[int(np.argmax(np.abs(change)))]
 
 
 def drives_figure(result: TuningResult, out: Path) -> None:
-    """Draw x, slip and sinkage of a middle wheel without control, under the check, before and after."""
+    """Draw x, slip and sinkage of a middle wheel: without control, with the limit, before and after tuning."""
     case, by = most_changed(result), result.study.estimate
     before = result.study.law_before
     controls = {"constant duty": Control.of(CONSTANT_DUTY, before), "torque check": Control.of(TORQUE_CHECK, before)}

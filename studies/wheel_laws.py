@@ -1,53 +1,58 @@
-"""Laws of slip, skid, side force and lugs side by side on seven measured sets of one sand, levels and sets held out.
+"""Compare laws of slip, skid, side force and lugs on seven measured sets of one sand, with levels and sets held out.
 
 Question
-    Which of the forms that the literature has, or that are near at hand, do measured wheels follow? Does any predict a
-    level or a set that was not fitted better than a curve through the points?
+    Which of the laws from the literature, or of the obvious alternatives, do measured wheels follow? Does any law
+    predict a level or a set that was not fitted better than a curve through the points?
 Method
-    One sand and test bed (CMU): smooth wheel driving, braked, at slip angles and braked at them; wheel with 5 mm lugs
-    driving, braked and at slip angles. k, phi, k_1 and the exit ratio (prior 0.143 +- 0.1) are fitted together with
-    each law's own size, n where the wheel was pressed in, else 1.52 of the smooth one; errors are of each level
-    predicted by a fit to the others. Beside them the mean, a quadratic in slip (and slip angle), and a Gaussian process
-    of both, held out alike, and the model that the data's authors published, with their numbers (`forms/authors.py`),
-    fitted to these runs. "Both signs" is the driving and the braked smooth wheel with one soil. The lugged wheel is
-    also predicted from the smooth one: all its numbers, the lugs' height with full pockets, and their grip by
-    `LugGrip`, or sand that shears on sand: phi is the declared angle of repose, 29 deg, or by the smooth rim's grip
-    over m = 0.7, `InterfaceFriction`'s default (Potyondy's ratios). "One sand" fits all sets together, each level of
-    each predicted from all the others; "from the others" predicts a set from one soil fitted to the other six, without
-    its runs.
+    All sets are from one sand and test bed (CMU): a smooth wheel driving, braked, at slip angles, and braked at slip
+    angles; a wheel with 5 mm lugs driving, braked, and at slip angles. k, phi, k_1 and the exit ratio (prior 0.143 +-
+    0.1) are fitted together with each law's own size. n is taken from the pressings of the wheel, else n = 1.52 of the
+    smooth wheel. Each level is predicted by a fit to the other levels. The comparison includes the mean, a quadratic in
+    slip (and slip angle), a Gaussian process of both, all held out in the same way, and the model that the data's
+    authors published, with their numbers (`forms/authors.py`), which they fitted to these runs. "Both signs" is the
+    driving and the braked smooth wheel with one soil. The lugged wheel is also predicted from the smooth wheel, with
+    all its numbers and the height of the lugs with full pockets. The grip of the lugs is given by `LugGrip`, or by sand
+    that shears on sand: phi is the declared angle of repose, 29 deg, or follows from the smooth rim's grip divided by m
+    = 0.7, `InterfaceFriction`'s default (Potyondy's ratios). "One sand" fits all sets together, and each level of each
+    set is predicted from all other levels. "From the others" predicts a set from one soil fitted to the other six sets,
+    without its own runs.
 Result
-    All numbers are in studies/results/wheel_laws.csv; drawbar pull / sinkage (/ side force) of the last laws, in
-    brackets quadratic, Gaussian process and the authors:
+    All numbers are in studies/results/wheel_laws.csv. The list gives drawbar pull / sinkage (/ side force) of the last
+    laws, and in brackets those of the quadratic, the Gaussian process and the authors:
     smooth 0.31 / 1.04 (1.39 / 1.65, 1.26 / 0.74, 2.11 / 8.13); braked 0.57 / 1.53 (0.25 / 1.71, 1.21 / 5.90, 2.15 /
-    2.31), a_b = 0.99 where volume says 1; both signs 0.88 / 1.34 (1.59 / 4.49, 2.80 / 1.47, 2.23 / 6.63).
-    lugged 0.52 / 1.45 (1.82 / 2.78, 2.00 / 3.15, 1.75 / 4.63), of which 0.80 N by the rate and 5.5 mm by the trench;
-    braked lugs 0.67 / 1.93 (0.97 / 3.17, 3.09 / 6.41, 1.43 / 5.03): the smooth wheel's pull within 0.6 N.
+    2.31), with a_b = 0.99 where the displaced volume gives 1; both signs 0.88 / 1.34 (1.59 / 4.49, 2.80 / 1.47, 2.23 /
+    6.63).
+    lugged 0.52 / 1.45 (1.82 / 2.78, 2.00 / 3.15, 1.75 / 4.63), where the rate accounts for 0.80 N and the trench for
+    5.5 mm; braked lugs 0.67 / 1.93 (0.97 / 3.17, 3.09 / 6.41, 1.43 / 5.03), which is the smooth wheel's pull within 0.6
+    N.
     slip angles 0.78 / 1.15 / 0.58 without rate (0.89 / 1.52 / 0.53, 0.85 / 1.29 / 0.59, 1.85 / 7.04 / 1.32); braked
-    askew 0.94 / 1.93 / 1.42 (0.61 / 1.95 / 0.66, 0.67 / 0.73 / 1.00, 2.55 / 2.33 / 2.36); lugs askew 0.72 / 1.18 /
-    0.69 (1.04 / 2.03 / 0.75, 0.66 / 1.52 / 0.73, 1.77 / 3.71 / 1.64). The flank without the heap beside it: 0.54, 1.81
-    and 0.74 N sideways, at B = 2.3 to 3.1 instead of 1.2 to 1.4.
+    askew 0.94 / 1.93 / 1.42 (0.61 / 1.95 / 0.66, 0.67 / 0.73 / 1.00, 2.55 / 2.33 / 2.36); lugs askew 0.72 / 1.18 / 0.69
+    (1.04 / 2.03 / 0.75, 0.66 / 1.52 / 0.73, 1.77 / 3.71 / 1.64). The flank without its heap of sand: 0.54, 1.81 and
+    0.74 N sideways, at B = 2.3 to 3.1 instead of 1.2 to 1.4.
     lugged from smooth: 2.14 / 8.3 without lugs, 2.14 / 2.1 with their trench, 0.45 / 1.95 with their grip as well
-    (learnt of it; by m = 0.7 0.93 / 1.93). Sand as in its heap asks too much of the pull, 4.42 / 1.7.
-    One sand: softening, ploughing, flank, trench and grip bring every set to 0.62 to 2.05 N, 0.87 to 1.46 mm and 0.72
-    to 1.54 N: ahead of the authors' fits to each slip angle everywhere but in the pull of braked lugs. A smooth rim
-    that slides (m) instead of the grip leaves braked lugs at 4.4 N: braked, lugs do not matter.
-    From the others: 0.65 to 2.04 N, 0.87 to 1.91 mm, 0.79 to 1.26 N sideways: in the median set and in every one what
-    was to be reached. The Gaussian process is ahead in pull where a set has its like among the others (smooth, lugged,
-    both braked ones), and up to 8 mm and 8 N off where it has not.
-    Pressings: the smooth wheel's sand bears the lugged one, from its lugs' tips down and with full pockets, within 23 %
-    in each of four trials; in the fit they change no set's error by more than 3 %.
-    Not reached: the side force of all three sets askew, by 0.08, 0.62 and 0.09 N; braked askew and braked lugs in
-    sinkage, by 0.4 mm; the pull braked askew, by 0.04 N, lugs askew, by 0.02 N, at slip angles, without rate by 0.18 N.
-    With one soil the side force at r omega / V = 0.3 is too large by 2.5 N of 17 at 30 deg, too small by 1 N of 20 at
-    0.5 and 45 deg, and rolling at 15 deg by 1 N of 7; straight skids of one soil brake 1 to 2 N too much. Over all
-    channels in their noise the law is ahead of both curves on all sets but braked askew.
+    (fitted to this set; with m = 0.7 0.93 / 1.93). Sand at its angle of repose predicts too much pull, 4.42 / 1.7.
+    One sand: softening, ploughing, flank, trench and grip give 0.62 to 2.05 N, 0.87 to 1.46 mm and 0.72 to 1.54 N on
+    every set. That is better than the authors' fits to each slip angle everywhere except in the pull of braked lugs. A
+    smooth rim that slides (m) instead of the grip leaves an error of 4.4 N for braked lugs: when braked, lugs have no
+    effect.
+    From the others: 0.65 to 2.04 N, 0.87 to 1.91 mm, 0.79 to 1.26 N sideways. This meets the target in the median set
+    and in every set. The Gaussian process is better in pull where a similar set is among the others (smooth, lugged,
+    both braked sets), and is off by up to 8 mm and 8 N where no similar set exists.
+    Pressings: the smooth wheel's sand carries the lugged wheel, measured from the lug tips down and with full pockets,
+    within 23 % in each of four trials. In the fit the pressings change no set's error by more than 3 %.
+    Targets missed: the side force of all three sets askew, by 0.08, 0.62 and 0.09 N; the sinkage of braked askew and
+    braked lugs, by 0.4 mm; the pull of braked askew, by 0.04 N, of lugs askew, by 0.02 N, and at slip angles, without
+    rate, by 0.18 N. With one soil the side force at r omega / V = 0.3 is too large by 2.5 N of 17 at 30 deg, too small
+    by 1 N of 20 at 0.5 and 45 deg, and at rolling and 15 deg wrong by 1 N of 7; straight skids of one soil brake 1 to 2
+    N too much. Over all channels in units of their noise, the law is better than both curves on all sets except braked
+    askew.
 What the paper says
     "the digging and sinking process is not modeled in the simulation" (section 4.2); it has no side force.
 What differs
-    The forms of all laws, and kappa, d, k_f, l, e_b and h_g, were chosen with these seven sets in sight, so "held out"
-    is of levels and sets, not of wheels or sands: read the comparison of forms, and wait for another bed. Travel speed
-    is 10 mm/s throughout, so rim speed and slip go together: what RateDependence takes may be an effect of large slip.
-    gamma is the declared density's.
+    The forms of all laws, and kappa, d, k_f, l, e_b and h_g, were chosen with these seven sets known. "Held out"
+    therefore refers to levels and sets, not to wheels or sands: read the comparison of forms, and wait for another bed.
+    The travel speed is 10 mm/s throughout, so rim speed and slip change together, and the effect assigned to
+    RateDependence may be an effect of large slip. gamma is that of the declared density.
 
 Run: python studies/wheel_laws.py [--quick] [--out DIR]
 """
@@ -84,15 +89,15 @@ from rover_pin.plot import save, write_csv
 
 DATA = Path(__file__).parent / "data"
 REPOSE = np.radians(29.0)
-"""Of studies/data/cmu-grousered-wheel/rig.toml [rad]."""
+"""Angle of repose in studies/data/cmu-grousered-wheel/rig.toml [rad]."""
 REACH = {
     "smooth": (0.41, 1.3, None), "lugged": (0.6, 2.5, None), "braked": (2.0, 2.0, None),
     "both signs": (1.5, 2.5, None), "slip angles": (0.6, 1.3, 0.5), "braked askew": (0.9, 1.5, 0.8),
     "lugs askew": (0.7, 1.4, 0.6), "braked lugs": (0.8, 1.5, None), "lugged from smooth": (1.2, 4.0, None),
 }  # fmt: skip
-"""Errors to reach: drawbar pull [N], sinkage [mm], side force [N]; DP/W = 0.05 is 1.2 N under the lugged wheel."""
+"""Target errors: drawbar pull [N], sinkage [mm], side force [N]. DP/W = 0.05 is 1.2 N for the lugged wheel."""
 EACH = (1.2, 2.5, 1.5)
-"""To reach in the median set that is predicted from the others; twice that in every one."""
+"""Target errors in the median set that is predicted from the others. In every set, twice these values."""
 
 FOLDERS = {
     "smooth": "smooth-wheel", "braked": "smooth-wheel-skid", "slip angles": "smooth-wheel-angles",
@@ -102,7 +107,7 @@ FOLDERS = {
 
 
 class Row(NamedTuple):
-    """Held-out RMSE of one law on one set, and the number of sizes fitted beside the soil."""
+    """Held-out RMSE of one law on one set, and the fitted sizes as text."""
 
     set: str
     law: str
@@ -110,26 +115,27 @@ class Row(NamedTuple):
     sinkage_mm: float
     side_force_N: float
     in_sds: float
-    "of all channels together, each in its noise"
+    """RMSE of all channels together, each in units of its noise."""
     sizes: str = ""
 
 
 def main() -> None:
+    """Compare the laws, write the table and the figure, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="the first and the last law on the smooth wheel")
     parser.add_argument("--out", type=Path, default=Path("out/wheel_laws"))
-    asked = parser.parse_args()
-    rows = table(asked.quick)
+    options = parser.parse_args()
+    rows = table(options.quick)
     frame = pd.DataFrame(rows)
-    asked.out.mkdir(parents=True, exist_ok=True)
-    write_csv(frame, asked.out / "wheel_laws.csv")
+    options.out.mkdir(parents=True, exist_ok=True)
+    write_csv(frame, options.out / "wheel_laws.csv")
     print(shown(frame))
-    save(draw_error_bars(frame), asked.out / "wheel_laws.png")
-    print(f"written: {asked.out / 'wheel_laws.csv'}, {asked.out / 'wheel_laws.png'}")
+    save(draw_error_bars(frame), options.out / "wheel_laws.png")
+    print(f"written: {options.out / 'wheel_laws.csv'}, {options.out / 'wheel_laws.png'}")
 
 
 def shown(frame: pd.DataFrame) -> str:
-    """Return the table for a reader, with what was to be reached under each set."""
+    """Return the table as text, with the target errors of each set."""
     lines = ["Held-out RMSE by level: drawbar pull [N], sinkage [mm], side force [N], all channels in their noise"]
     for name, rows in frame.groupby("set", sort=False):
         reach = EACH if FROM in str(name) else REACH[str(name).removeprefix(APART).removeprefix(ONE)]
@@ -138,6 +144,7 @@ def shown(frame: pd.DataFrame) -> str:
             side = "" if np.isnan(row.side_force_N) else f"{row.side_force_N:7.2f}"
             errors = f"{row.drawbar_pull_N:6.2f} {row.sinkage_mm:6.2f}{side:8} {row.in_sds:5.1f} SD"
             lines.append(f"  {row.law:36} {errors} {row.sizes}")
+    # The summary needs every set; a quick run has the smooth wheel only.
     if set(REACH) <= set(frame["set"]):
         lines += ["", *side_by_side(frame)]
         lines.append(f"\nahead of both curves over all channels, each in its noise: {', '.join(ahead(frame))}")
@@ -145,7 +152,7 @@ def shown(frame: pd.DataFrame) -> str:
 
 
 def side_by_side(frame: pd.DataFrame) -> list[str]:
-    """Return the errors of each set as one line: by its own law, by one soil, from the others, and by rivals."""
+    """Return one line for each set: its own law, one soil, from the others, and rivals."""
     errors = frame.set_index(["set", "law"])[["drawbar_pull_N", "sinkage_mm", "side_force_N"]]
     table = pd.DataFrame(
         {
@@ -161,22 +168,22 @@ def side_by_side(frame: pd.DataFrame) -> list[str]:
     return [
         table.set_index(pd.Index(FOLDERS)).to_string(),
         f"from the others, median: {cell(alone.median())}; reach {cell(EACH)}",
-        f"from the others, worst: {cell(alone.max())}; reach {cell(2 * each for each in EACH)}",
+        f"from the others, worst: {cell(alone.max())}; reach {cell(2 * target for target in EACH)}",
     ]
 
 
 def cell(errors: Iterable[float | None]) -> str:
-    """Return errors with slashes, those that there are."""
+    """Return the errors that exist, separated by slashes."""
     return " / ".join(f"{error:.2f}" for error in errors if error is not None and not math.isnan(error))
 
 
 def ahead(frame: pd.DataFrame) -> list[str]:
-    """Return the sets on which the last law beats both curves over all channels, each in its noise."""
-    found = []
+    """Return the sets on which the last law beats both curves over all channels, each in units of its noise."""
+    winning = []
     for name in REACH:
         errors = frame[frame["set"] == name].set_index("law")["in_sds"]
-        found += [name] if errors[last_law(errors)] < min(errors["quadratic"], errors["Gaussian process"]) else []
-    return found
+        winning += [name] if errors[last_law(errors)] < min(errors["quadratic"], errors["Gaussian process"]) else []
+    return winning
 
 
 def table(quick: bool = False) -> list[Row]:
@@ -186,6 +193,7 @@ def table(quick: bool = False) -> list[Row]:
     n = float(smooth.soil().n)
     if quick:
         return compared("smooth", smooth, {name: LAWS["smooth"][name] for name in ("base", "softening")}, n)
+    # Near rolling the runs of the smooth wheel's set are used; the braked set adds slips below -0.1 only.
     both = {"both signs": joined(smooth, braked.rows(np.asarray(braked.slip) < -0.1))}
     rows = [row for name, laws in LAWS.items() for row in compared(name, (sets | both)[name], laws, n)]
     law = ONE_SAND[LAW]
@@ -194,7 +202,7 @@ def table(quick: bool = False) -> list[Row]:
 
 
 def compared(name: str, data: RigSet, laws: Laws, n: float) -> list[Row]:
-    """Return one row a law and a baseline."""
+    """Return one row for each law and each baseline."""
     rows = []
     for law, effects in laws.items():
         fit = fitted(data, effects, n)
@@ -204,8 +212,9 @@ def compared(name: str, data: RigSet, laws: Laws, n: float) -> list[Row]:
 
 
 def fitted(data: RigSet, effects: tuple[Effect, ...], n: float) -> Fit:
-    """Return soil and sizes fitted to all levels."""
+    """Return the fit of soil and sizes to all levels."""
     soil = data.soil()
+    # Dry sand has no cohesion; k_1 of the pressings is the initial guess where the wheel was pressed in.
     soil = soil.replace(c=0.0, n=n, k_1=soil.k_1 if data.trials else 1e5)
     model = RigModel(data.wheel, soil, (*(ASKEW if data.askew.any() else PAPER), *effects))
     experiment = RigExperiment((data,))
@@ -213,35 +222,35 @@ def fitted(data: RigSet, effects: tuple[Effect, ...], n: float) -> Fit:
 
 
 def sizes(fit: Fit) -> str:
-    """Return what was fitted, in words."""
-    return ", ".join(f"{one.name} = {fit.value(one.name):.3g}" for one in fit.parameters)
+    """Return the fitted parameters and their values as text."""
+    return ", ".join(f"{parameter.name} = {fit.value(parameter.name):.3g}" for parameter in fit.parameters)
 
 
-def row(name: str, law: str, data: RigSet, error: np.ndarray, said: str = "") -> Row:
+def row(name: str, law: str, data: RigSet, error: np.ndarray, words: str = "") -> Row:
     """Return the RMSE of errors [channels, runs] as a row."""
     channels = data.channels
     rms = dict(zip((channel.column for channel in channels), np.sqrt(np.mean(error**2, axis=1)), strict=True))
     noise = float(np.sqrt(np.mean((error / np.array([channel.sd for channel in channels])) ** 2)))
-    return Row(name, law, rms["drawbar_pull_N"], 1e3 * rms["sinkage_m"], rms.get("lateral_N", np.nan), noise, said)
+    return Row(name, law, rms["drawbar_pull_N"], 1e3 * rms["sinkage_m"], rms.get("lateral_N", np.nan), noise, words)
 
 
 def from_smooth(smooth: RigSet, lugged: RigSet, n: float) -> list[Row]:
-    """Predict the lugged wheel from the smooth one, with its lugs' geometry and without."""
+    """Return the errors on the lugged wheel, predicted from the smooth wheel with and without the lugs' effects."""
     model = fitted(smooth, (SOFT, RATE), n).model
     heap, sand = (
         dataclasses.replace(model, soil=model.soil.replace(phi=phi))
         for phi in (REPOSE, math.atan(math.tan(model.soil.phi) / RIM.m))
     )
     rows = []
-    for law, one in (
+    for law, variant in (
         ("without lugs", model),
         ("lugs, the smooth rim's grip", model.having(LUGS)),
         ("lugs, sand as in its heap", heap.having(LUGS)),
         ("lugs and their grip", model.having(LUGS).having(GRIP)),
         ("lugs, sand on sand by the rim's m", sand.having(LUGS)),
     ):
-        found = one.predict(lugged.load, lugged.slip, lugged.speeds)
-        values = {"drawbar_pull_N": found.drawbar_pull, "sinkage_m": found.sinkage}
+        forces = variant.predict(lugged.load, lugged.slip, lugged.speeds)
+        values = {"drawbar_pull_N": forces.drawbar_pull, "sinkage_m": forces.sinkage}
         error = np.array([values[channel.column] - channel.measured for channel in lugged.channels])
         rows.append(row("lugged from smooth", law, lugged, error))
     curves = {law: carried_over(smooth, lugged, predict) for law, predict in BASELINES.items()}

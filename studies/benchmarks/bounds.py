@@ -1,11 +1,11 @@
-"""Microseconds per call of the torque bounds of six wheels with their derivatives by the load.
+"""Measure the time of a call of the torque bounds of six wheels with their derivatives by the load, in microseconds.
 
     python studies/benchmarks/bounds.py [--quick]
 
-Three ways give T_sat, T_lim and both derivatives of the same six loads: `TorqueBounds` compiled, the same function run
-by CasADi's own machine, and scipy (`quad` for integrals, `brentq` for theta_1, central differences for derivatives).
-Their greatest relative difference is printed beside the times: the mean of a short loop, the least of many loops, so
-that a machine busy with other work still shows what the call costs.
+Three methods give T_sat, T_lim and both derivatives of the same six loads: `TorqueBounds` compiled, the same function
+in CasADi's interpreter, and scipy (`quad` for integrals, `brentq` for theta_1, central differences for derivatives).
+The output includes their maximum relative difference. A time is the mean of a short loop, and the minimum over many
+loops, so that a machine busy with other work still shows the cost of the call.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ STEP = 1e-4
 
 
 def main() -> None:
-    """Time the three ways, compare their results and print both."""
+    """Time the three methods, compare their results, and print both."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="fewer repeats")
     quick = parser.parse_args().quick
@@ -45,8 +45,8 @@ def main() -> None:
     for name, (call, number) in ways.items():
         off = np.max(np.abs(np.array(call()) / reference - 1.0), axis=1)
         best = least(call, number, (20 if quick else 200) if number > 1 else 3)
-        apart = f"from scipy: bounds {max(off[:2]):.0e}, derivatives {max(off[2:]):.0e}"
-        print(f"{name:34s} {best:10.1f} us per call; {apart}")
+        difference = f"from scipy: bounds {max(off[:2]):.0e}, derivatives {max(off[2:]):.0e}"
+        print(f"{name:34s} {best:10.1f} us per call; {difference}")
     single = least(lambda: torque_bounds(9.5, SOIL, WHEEL, S_LIM), 100, 20)
     print(f"{'torque_bounds, one wheel of floats':34s} {single:10.1f} us per call")
     print(f"six wheels, T_sat, T_lim, dT_sat/dW, dT_lim/dW; {platform.machine()}, Python {platform.python_version()}")
@@ -54,9 +54,9 @@ def main() -> None:
 
 def without_compiler() -> TorqueBounds:
     """Return the torque bounds without compilation, as on a computer that has no C compiler."""
-    found = TorqueBounds([WHEEL] * len(LOADS), SOIL, S_LIM)
-    found.bind(interpreted_bounds(len(LOADS), BY_LOAD))
-    return found
+    bounds = TorqueBounds([WHEEL] * len(LOADS), SOIL, S_LIM)
+    bounds.bind(interpreted_bounds(len(LOADS), BY_LOAD))
+    return bounds
 
 
 def least(call: Callable[[], object], number: int, repeats: int) -> float:
@@ -86,7 +86,7 @@ def one_by_scipy(load: float) -> tuple[float, float]:
 
 
 def torque(share: Callable[[float], float], load: float) -> float:
-    """Return r^2 b int tau at the theta_1 that carries the load, with this share of the shear strength in use."""
+    """Return r^2 b int tau at the theta_1 that carries the load; `share` gives the used share of the strength."""
     r, b = WHEEL.r, WHEEL.b
 
     def sigma(theta: float, theta_1: float) -> float:

@@ -1,11 +1,11 @@
-"""What closing the loop on drive logs costs: 8 runs of 30 s with something hidden, from the command to its report.
+"""Measure the cost of closing the loop on drive logs: 8 runs of 30 s with a hidden effect, from command to report.
 
     python studies/benchmarks/close_loop_speed.py [--quick] [--keep] [--against COMMIT]
 
-The logs are of the package's own simulator: waves and a slope, duties that differ from wheel to wheel, sensors with
-noise, soil off by what its declared SD allows, and a tether that nobody declared. `rover-pin close-loop` runs as a
-process of its own with two workers. CPU seconds are of the command with its workers; the time on the clock says
-something on two free cores only. An earlier version (--against) runs on the same logs.
+The logs are made by the package's own simulator: waves and a slope, duties that differ from wheel to wheel, noisy
+sensors, soil with an error within its declared SD, and an undeclared tether. `rover-pin close-loop` runs as a separate
+process with two workers. CPU seconds include the workers. The wall time is meaningful on two free cores only. An
+earlier version (--against) runs on the same logs.
 """
 
 from __future__ import annotations
@@ -43,18 +43,18 @@ WORKERS = 2
 
 
 def main() -> None:
-    """Measure the cost of the command and print it."""
+    """Measure the cost of the command and print it; with --keep, store it in speed.csv."""
     parser = reader(__doc__, "2 runs of 12 s")
     parser.add_argument("--against", help="an earlier version, from the repository's history")
-    asked = parser.parse_args()
-    runs, duration = (2, 12.0) if asked.quick else (8, 30.0)
+    options = parser.parse_args()
+    runs, duration = (2, 12.0) if options.quick else (8, 30.0)
     with TemporaryDirectory() as folder:
         logs = write(Path(folder) / "logs", runs, duration)
         seconds, clock = report(f"close-loop on {runs} runs of {duration:g} s", ROOT, logs)
-        if asked.against:
-            with checkout(asked.against) as earlier:
-                report(f"the same at {asked.against}", earlier, logs)
-    if asked.keep:
+        if options.against:
+            with checkout(options.against) as earlier:
+                report(f"the same at {options.against}", earlier, logs)
+    if options.keep:
         keep({"close-loop, CPU [s]": seconds, "close-loop, clock [s]": clock})
 
 
@@ -65,17 +65,18 @@ def write(folder: Path, runs: int, duration: float) -> Path:
     true = model.replace(soils=(soil,)).having(TetherDrag(f_0=2.0))
     traces = {}
     for run in range(runs):
+        # Runs alternate in direction, so that slope and tether can be distinguished.
         start = Start(-1.0, 0.0, 0.0) if run % 2 == 0 else Start(1.0, 0.0, math.pi)
         driven = simulate(true, plan(random, duration), duration, start)
         log = measure(driven, Sensors(), run, true.sensor_effects)
         traces[f"run-{run}"] = dataclasses.replace(log, attrs={"start": dataclasses.asdict(start)})
-    known = {name: as_table(DRIVEN_SAND)[name] for name in ("phi", "k", "k_1")}
+    declared = {name: as_table(DRIVEN_SAND)[name] for name in ("phi", "k", "k_1")}
     wheels = tuple(wheel.name for wheel in model.rover.wheels)
     terrain = write_terrain(folder, model.terrain)
-    about = LogMetadata(
-        "tether", rover="nexus6", wheels=wheels, terrain=terrain, soil=known, motor=as_table(model.motor)
+    metadata = LogMetadata(
+        "tether", rover="nexus6", wheels=wheels, terrain=terrain, soil=declared, motor=as_table(model.motor)
     )
-    return write_drive_log(folder, traces, about)
+    return write_drive_log(folder, traces, metadata)
 
 
 def declared_model() -> Model:
@@ -88,7 +89,7 @@ def declared_model() -> Model:
 
 
 def plan(random: np.random.Generator, duration: float) -> Callable[[Reading], np.ndarray]:
-    """Return a controller: duties held for 1.5 to 3 s, wheels apart from each other."""
+    """Return a controller with random duties, which hold for 1.5 to 3 s and differ between wheels."""
     holds, t = [], 0.0
     while t < duration:
         holds.append((t, random.uniform(0.4, 0.85) + random.uniform(-0.09, 0.09, 6)))
@@ -97,11 +98,11 @@ def plan(random: np.random.Generator, duration: float) -> Callable[[Reading], np
 
 
 def report(label: str, package: Path, logs: Path) -> tuple[float, float]:
-    """Print what the loop of a package's version costs on these logs, and its answer; return CPU and clock [s]."""
+    """Print the cost and the answer of a version of the package on these logs; return CPU and wall time [s]."""
     with TemporaryDirectory() as out:
         words = ["close-loop", str(logs), "--out", out, "--workers", str(WORKERS)]
-        ran, seconds, clock = timed(words, package, logs.parent)
-    answer = next((line for line in ran.stdout.splitlines() if "log" in line or "list" in line), ran.stderr[-300:])
+        completed, seconds, clock = timed(words, package, logs.parent)
+    answer = next((line for line in completed.stdout.splitlines() if "log" in line or "list" in line), completed.stderr[-300:])
     print(
         f"{label}: {seconds:.0f} s of CPU, {clock:.0f} s on the clock, load {os.getloadavg()[0]:.1f}; {answer.strip()}"
     )

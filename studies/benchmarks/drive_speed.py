@@ -1,12 +1,13 @@
-"""How fast a drive is: 20 s of the ditch on one core, by part, beside the plain reference and MuJoCo on rigid ground.
+"""Measure the speed of a drive: 20 s of the ditch on one core, by part, against the plain reference and MuJoCo.
 
     python studies/benchmarks/drive_speed.py [--quick] [--keep]
 
-The ditch has walls of 30 deg, Table 1 in the torque form. Accuracy is the greatest distance in x, over 20 s, from the
-same drive at a sixteenth of the step. Times are CPU seconds of the one thread, the least of several repeats: the wall
-time on a core that is free, even if this one is not. "Plain" is the step in NumPy, CasADi's
-own machine and Pinocchio, over the first second of the drive. MuJoCo (if installed) drives the same URDF, same masses,
-motors and rotors, differential as an equality, over the same ditch of rigid boxes; it sees no soil.
+The ditch has walls of 30 deg and Table 1 in the torque form. The stated accuracy is the maximum distance in x, over 20
+s, from the same drive at a sixteenth of the step. Times are CPU seconds of the single thread, the minimum of several
+repeats, so they equal the wall time on a free core even if this core is busy. "Plain" is the step in NumPy, CasADi's
+interpreter and Pinocchio, over the first second of the drive. MuJoCo (if installed) drives the same URDF with the same
+masses, motors and rotors, the differential as an equality constraint, over the same ditch of rigid boxes. MuJoCo has no
+soil model.
 """
 
 from __future__ import annotations
@@ -41,20 +42,23 @@ WALL, DEPTH, WIDTH, AT = math.radians(30.0), 0.05, 0.2, 0.5
 
 
 def main() -> None:
-    """Measure and print."""
-    asked = reader(__doc__, "fewer repeats; accuracy against a quarter of the step").parse_args()
-    quick = asked.quick
+    """Measure all parts and print them; with --keep, store them in speed.csv."""
+    options = reader(__doc__, "fewer repeats; accuracy against a quarter of the step").parse_args()
+    quick = options.quick
+    # One core only, so that times do not depend on migration between cores.
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     case = scenario("ditch", soil="table-1")
     case.drive()
     seconds = whole_drive(case, 2 if quick else 15)
-    kept = coarsest_kept(case)
-    coarse = least(lambda: kept.drive(measure_error=False), 2 if quick else 15)
+    coarser = coarsest_kept(case)
+    coarse = least(lambda: coarser.drive(measure_error=False), 2 if quick else 15)
     measured = least(case.drive, 2 if quick else 15)
-    print(f"    at {1e3 * kept.timing.dt:g} ms, within the tolerance, {coarse:.3f} s; with its error {measured:.3f} s")
+    print(
+        f"    at {1e3 * coarser.timing.dt:g} ms, within the tolerance, {coarse:.3f} s; with its error {measured:.3f} s"
+    )
     finer = 4 if quick else 16
-    off = [distance(case, step, case.timing.dt / finer) for step in (case.timing.dt, kept.timing.dt)]
+    off = [distance(case, step, case.timing.dt / finer) for step in (case.timing.dt, coarser.timing.dt)]
     gets_out = scenario("ditch", soil="table-1", **{"soil.k": 0.010, "cruise_slip": 0.05})
     off_out = distance(gets_out, gets_out.timing.dt, gets_out.timing.dt / finer)
     step = parts(case, 500 if quick else 5000)
@@ -62,10 +66,10 @@ def main() -> None:
     longer = plain(case, 0.2 if quick else 1.0, seconds / DURATION)
     peers = mujoco_drive(case, 1 if quick else 5, (seconds, coarse))
     memory = footprint()
-    if asked.keep:
+    if options.keep:
         keep(
             {"ditch [s]": seconds, "ditch with its error [s]": measured, "off [mm]": off[0],
-             "step within the tolerance [ms]": 1e3 * kept.timing.dt, "ditch at that step [s]": coarse,
+             "step within the tolerance [ms]": 1e3 * coarser.timing.dt, "ditch at that step [s]": coarse,
              "off at that step [mm]": off[1], "off with k = 10 mm [mm]": off_out, "step [us]": step,
              "Python controller [us]": asking,
              "plain [x]": longer, "memory [MB]": memory, **peers}
@@ -75,7 +79,7 @@ def main() -> None:
 
 
 def least(call: Callable[[], Any], repeats: int) -> float:
-    """Return the least CPU time of a call [s]."""
+    """Return the minimum CPU time of a call [s]."""
     times = []
     for _ in range(repeats):
         begin = time.process_time()
@@ -85,7 +89,7 @@ def least(call: Callable[[], Any], repeats: int) -> float:
 
 
 def whole_drive(case: Scenario, repeats: int) -> float:
-    """Print and return the time of the drive: settling, stepping, control, sampling, the trace."""
+    """Print and return the time of the whole drive: settling, stepping, control, sampling and the trace [s]."""
     seconds = least(lambda: case.drive(measure_error=False), repeats)
     settling = least(lambda: settled_state(case.model, case.start, case.symmetric), repeats)
     print(
@@ -98,14 +102,15 @@ def whole_drive(case: Scenario, repeats: int) -> float:
 
 
 def coarsest_kept(case: Scenario) -> Scenario:
-    """Return the drive at the coarsest step that its ground bears and whose x is within the tolerance."""
+    """Return the drive at the coarsest step that its ground allows and whose x is within the tolerance."""
+    # The control period divided by 1, 2, 3, ...: from coarse to fine.
     steps = (case.timing.control / parts for parts in itertools.count(1))
     borne = (dt for dt in steps if with_step(case, dt).drive(measure_error=False).attrs["dt_s"] == dt)
     return with_step(case, next(dt for dt in borne if distance(case, dt, case.timing.dt / 16) <= 1e3 * TOLERANCE))
 
 
 def distance(case: Scenario, dt: float, reference_dt: float) -> float:
-    """Print and return the distance in x [mm] of a drive at a step from the same at a finer one."""
+    """Print and return the maximum distance in x [mm] between a drive and the same drive at a finer step."""
     off = 1e3 * float(np.max(np.abs(at_step(case, dt) - at_step(case, reference_dt))))
     print(f"    x at dt = {1e3 * dt:g} ms against dt = {1e3 * reference_dt:g} ms: {off:.4f} mm")
     return off
@@ -117,19 +122,20 @@ def with_step(case: Scenario, dt: float) -> Scenario:
 
 
 def at_step(case: Scenario, dt: float) -> np.ndarray:
-    """Return x of the drive at a step."""
+    """Return x over time of the drive at a step."""
     return with_step(case, dt).drive(measure_error=False)["body_x"]
 
 
 def parts(case: Scenario, count: int) -> float:
-    """Print microseconds by part of a step, in the ditch; return those of all."""
+    """Print the time of each part of a step in the ditch; return the time of the whole step [us]."""
     state = settled_state(case.model, case.start, case.symmetric)
     kernel = Kernel(case.model, state, case.timing.dt, case.symmetric)
     kernel.duty[:] = 0.55
+    # The rover is inside the ditch after 10 s, where the contacts are most expensive.
     for _ in range(round(10.0 / case.timing.dt)):
         kernel.step()
     model, data, keep = kernel.pin_model, kernel.pin_model.createData(), state.copy()
-    whole = 1e6 * each(kernel.step, count)
+    step_us = 1e6 * each(kernel.step, count)
     state.q[:], state.v[:], state.contact[:] = keep.q, keep.v, keep.contact
     crba = 1e6 * each(lambda: pin.crba(model, data, state.q, pin.Convention.WORLD), count)
     nle = 1e6 * each(lambda: pin.nonLinearEffects(model, data, state.q, state.v), count)
@@ -137,15 +143,15 @@ def parts(case: Scenario, count: int) -> float:
     loop, reading = Loop(kernel, case.timing.dt, 1, 1), Instant(np.zeros(1), 0, ReadingPlaces.of(case.model))
     obey = 1e6 * each(lambda: driving.obey(drive, reading), count)
     row = 1e6 * each(loop.now, count)
-    print(f"microseconds per step: {whole:.1f} in all; Pinocchio's crba {crba:.1f} and its nle {nle:.1f} beside it")
+    print(f"microseconds per step: {step_us:.1f} in all; Pinocchio's crba {crba:.1f} and its nle {nle:.1f} beside it")
     shares = case.timing.dt / case.timing.control, case.timing.dt / case.timing.sample
     print(f"    a controller asked and obeyed {obey:.1f} us, {obey * shares[0]:.1f} us a step; ", end="")
     print(f"sampling {row:.1f} us a row, {row * shares[1]:.1f} us a step")
-    return whole
+    return step_us
 
 
 def each(call: Callable[[], Any], count: int) -> float:
-    """Return the least mean time of a call over short loops [s]."""
+    """Return the minimum over short loops of the mean time of a call [s]."""
 
     def loop() -> None:
         for _ in range(50):
@@ -155,7 +161,7 @@ def each(call: Callable[[], Any], count: int) -> float:
 
 
 def python_controller(case: Scenario, repeats: int) -> float:
-    """Print and return what a controller in Python, which reads nothing, adds to a drive for each sample [us]."""
+    """Print and return the additional time of a controller in Python, which reads nothing, for each sample [us]."""
     times = [math.inf, math.inf]
     for _ in range(repeats):
         for i, controller in enumerate((case.controller, lambda reading: 0.55)):
@@ -166,13 +172,13 @@ def python_controller(case: Scenario, repeats: int) -> float:
 
 
 def drive_under(case: Scenario, controller: Any) -> None:
-    """Drive as the scenario does, under another controller."""
+    """Drive the scenario under another controller."""
     once = {"symmetric": case.symmetric, "measure_error": False}
     motion.simulate(case.model, controller, DURATION, case.start, case.timing, **once)
 
 
 def plain(case: Scenario, duration: float, ours: float) -> float:
-    """Print and return how much longer the plain reference takes, and how far it ends from the kernel's drive."""
+    """Print and return the time ratio of the plain reference to the kernel, and print the difference of final x."""
     options = {
         "start": settled_state(case.model, case.start, case.symmetric),
         "timing": case.timing,
@@ -190,13 +196,13 @@ def plain(case: Scenario, duration: float, ours: float) -> float:
 
 
 def mujoco_drive(case: Scenario, repeats: int, ours: tuple[float, float]) -> dict[str, float]:
-    """Print and return MuJoCo's time for 20 s over the same ditch, rigid, beside ours at the step and twice it."""
+    """Print and return MuJoCo's time for 20 s over the same rigid ditch, and its ratio to our times."""
     try:
         import mujoco
     except ImportError:
         print("MuJoCo: not installed")
         return {}
-    found = {}
+    times = {}
     for dt, integrator in ((0.002, "mjINT_IMPLICITFAST"), (0.004, "mjINT_IMPLICITFAST")):
         model = mujoco_model(mujoco, case, dt, getattr(mujoco.mjtIntegrator, integrator))
         ends = []
@@ -208,7 +214,7 @@ def mujoco_drive(case: Scenario, repeats: int, ours: tuple[float, float]) -> dic
             ends.append(float(data.qpos[0]))
 
         seconds = least(run, repeats)
-        found[f"MuJoCo at {1e3 * dt:g} ms [s]"] = seconds
+        times[f"MuJoCo at {1e3 * dt:g} ms [s]"] = seconds
         print(
             f"MuJoCo {mujoco.__version__}, rigid, dt = {1e3 * dt:g} ms: {seconds:.3f} s, {DURATION / seconds:.0f} x ",
             end="",
@@ -218,11 +224,11 @@ def mujoco_drive(case: Scenario, repeats: int, ours: tuple[float, float]) -> dic
             end="",
         )
         print(f"the rover ends at x = {ends[-1]:.2f} m")
-    return found
+    return times
 
 
 def mujoco_model(mujoco: Any, case: Scenario, dt: float, integrator: Any) -> Any:
-    """Return MuJoCo's model of our URDF with our motors on a ditch of boxes."""
+    """Return MuJoCo's model of our URDF with our motors, on a ditch of boxes."""
     spec = mujoco.MjSpec.from_string(case.model.rover.urdf)
     spec.compiler.fusestatic, spec.compiler.discardvisual = False, True
     spec.option.timestep, spec.option.integrator = dt, integrator
@@ -233,6 +239,7 @@ def mujoco_model(mujoco: Any, case: Scenario, dt: float, integrator: Any) -> Any
     for wheel in case.model.rover.wheels:
         joint = spec.joint(case.model.rover.model.names[wheel.joint])
         joint.armature = float(motor.armature)
+        # The back-EMF is a velocity-dependent bias of MuJoCo's general actuator.
         back = float(motor.stall_torque / motor.no_load_rate)
         act = spec.add_actuator(name=f"motor_{wheel.name}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         act.gainprm[0], act.biastype, act.biasprm[2] = float(motor.stall_torque), mujoco.mjtBias.mjBIAS_AFFINE, -back
@@ -246,7 +253,7 @@ def mujoco_model(mujoco: Any, case: Scenario, dt: float, integrator: Any) -> Any
 
 
 def add_ditch(mujoco: Any, spec: Any) -> None:
-    """Add ground, walls and floor as boxes whose tops are the profile."""
+    """Add ground, walls and floor of the ditch as boxes whose top faces form the profile."""
     run = DEPTH / math.tan(WALL)
     corners = [(-3.0, 0.0), (AT, 0.0), (AT + run, -DEPTH), (AT + WIDTH - run, -DEPTH), (AT + WIDTH, 0.0), (5.0, 0.0)]
     for (x0, z0), (x1, z1) in zip(corners[:-1], corners[1:], strict=True):
@@ -263,7 +270,8 @@ def add_ditch(mujoco: Any, spec: Any) -> None:
 
 
 def footprint() -> float:
-    """Print and return peak memory of this process without MuJoCo's share, and the time to import the package."""
+    """Print import time and peak memory; return the peak memory of a drive without MuJoCo [MB]."""
+    # A fresh process, because this one has MuJoCo and the benchmarks in memory.
     code = (
         "import time; t = time.perf_counter(); import rover_pin; a = time.perf_counter() - t\n"
         "from rover_pin.scenarios.scenario import scenario; b = time.perf_counter() - t\n"

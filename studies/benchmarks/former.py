@@ -1,4 +1,4 @@
-"""An earlier version of the package, taken from the repository's history, to run beside the present one."""
+"""An earlier version of the package from the repository's history, for comparison with the present version."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 @contextmanager
 def checkout(commit: str) -> Iterator[Path]:
-    """Yield a folder with the package and the rovers of a commit; put it first in PYTHONPATH."""
+    """Yield a folder with the package and the rovers of a commit. Put the folder first in PYTHONPATH."""
     packed = subprocess.run(["git", "archive", commit, "rover_pin", "urdf"], cwd=ROOT, check=False, capture_output=True)
     if packed.returncode:
         raise SystemExit(f"{ROOT} has no commit {commit}: run this in a clone with its history")
@@ -28,10 +28,11 @@ def checkout(commit: str) -> Iterator[Path]:
 
 
 def as_installed(package: Path, folder: Path | str = "") -> dict[str, str]:
-    """Return the environment of a process with a version of the package that keeps its byte code, in a folder if given.
+    """Return the environment of a process that uses a version of the package and keeps its byte code.
 
-    An installed package has its byte code; where none may be written, every start would compile all modules again.
+    The byte code is kept in `folder` if given. An installed package has its byte code; without it, every start would
+    compile all modules again.
     """
-    own = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    kept = {"PYTHONPYCACHEPREFIX": f"{folder}/byte-code"} if folder else {}
-    return {**own, **kept, "PYTHONPATH": str(package)}
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    prefix = {"PYTHONPYCACHEPREFIX": f"{folder}/byte-code"} if folder else {}
+    return {**variables, **prefix, "PYTHONPATH": str(package)}

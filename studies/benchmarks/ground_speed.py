@@ -1,10 +1,10 @@
-"""What the ground costs: drives over the ditch as few points, many, or a grid; over rough ground; and a sweep's case.
+"""Measure the cost of the ground: the ditch as few points, many points, or a grid; rough ground; and a case of a sweep.
 
     python studies/benchmarks/ground_speed.py [--quick] [--keep]
 
-Each line compares 20 s of the same rover on one core, CPU seconds, the least of several turns, with the six points of
-the ditch. Points on the ditch's own lines are one piece, however many; rough ground has a contact patch for each of its
-facets under a wheel, and costs what they cost. A sweep's case is compared with the drive that it makes.
+Each line compares 20 s of the same rover on one core, in CPU seconds, the minimum of several turns, with the six points
+of the ditch. Points on the ditch's own lines merge into one facet, whatever their number. Rough ground has a contact
+patch for each facet under a wheel, and costs their sum. A case of a sweep is compared with the drive that it makes.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ from rover_pin.terrain.terrain import HeightGrid, Lanes, Profile, Terrain
 STUDY = Path(__file__).parents[1] / "sweep_ditch.toml"
 LOW, HIGH = -2.0, 4.0
 ROUGH = 0.01
-"""Height of the rough ground's waves [m], about."""
+"""Approximate height of the waves of the rough ground [m]."""
 
 
 def main() -> None:
-    """Measure and print."""
-    asked = reader(__doc__, "one turn instead of seven").parse_args()
-    turns = 1 if asked.quick else 7
+    """Measure all grounds and the sweep, and print the times; with --keep, store them in speed.csv."""
+    options = reader(__doc__, "one turn instead of seven").parse_args()
+    turns = 1 if options.quick else 7
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-    found = {**compare_grounds(turns), **compare_case(turns)}
-    if asked.keep:
-        keep(found)
+    measured = {**compare_grounds(turns), **compare_case(turns)}
+    if options.keep:
+        keep(measured)
 
 
 def grounds() -> dict[str, Terrain]:
-    """Return the ditch of six points, and the others, by what they are."""
+    """Return the grounds by name; the first is the ditch of six points."""
     ditch = scenario("ditch", soil="table-1").model.terrain
     assert isinstance(ditch, Lanes)
     line = ditch.profiles[0]
@@ -63,7 +63,7 @@ def grounds() -> dict[str, Terrain]:
 
 
 def compare_grounds(turns: int) -> dict[str, float]:
-    """Print and return the time of 20 s on each ground, and its ratio to the first."""
+    """Print the time of 20 s on each ground; return its ratio to the first ground."""
     case = scenario("ditch", soil="table-1")
     drives: dict[str, Callable[[], Any]] = {}
     for name, terrain in grounds().items():
@@ -77,19 +77,19 @@ def compare_grounds(turns: int) -> dict[str, float]:
 
 
 def drive_once(case: Any, model: Any) -> None:
-    """Drive 20 s on a ground, at the same step on all: what measures and keeps the error is left out."""
+    """Drive 20 s on a ground, at the same step on all grounds, without measuring the step error."""
     simulate(model, case.controller, 20.0, case.start, measure_error=False)
 
 
 def compare_case(turns: int) -> dict[str, float]:
-    """Print and return what cases of a sweep cost beside their drives."""
+    """Print and return the cost of cases of a sweep relative to their drives."""
     study = read_study(STUDY)
     cases = list(study.cases())[:8]
-    made = [scenario_of(study, case) for case in cases]
+    drives = [scenario_of(study, case) for case in cases]
     times = least(
         {
             "cases": lambda: [run_case(study, drive_case, case) for case in cases],
-            "drives": lambda: [each.drive() for each in made],
+            "drives": lambda: [case_drive.drive() for case_drive in drives],
         },
         turns,
     )
@@ -105,19 +105,20 @@ def compare_case(turns: int) -> dict[str, float]:
 
 
 def _lane(x: np.ndarray, line: Profile) -> Lanes:
+    """Return the ditch's profile sampled at x."""
     return Lanes((Profile(x, line.height(x)),))
 
 
 def least(calls: dict[str, Callable[[], Any]], turns: int) -> dict[str, float]:
-    """Return the least CPU time [s] of each call, all taking turns after an untimed one."""
-    found = dict.fromkeys(calls, np.inf)
+    """Return the minimum CPU time [s] of each call. The calls alternate, after one untimed turn."""
+    best = dict.fromkeys(calls, np.inf)
     for turn in range(turns + 1):
         for name, call in calls.items():
             begin = time.process_time()
             call()
             if turn:
-                found[name] = min(found[name], time.process_time() - begin)
-    return found
+                best[name] = min(best[name], time.process_time() - begin)
+    return best
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-"""All numbers of docs/speed.md, one benchmark after another, into studies/results/speed.csv: about ten minutes alone.
+"""Measure all numbers of docs/speed.md, one benchmark after another, and store them: about ten minutes alone.
 
     python studies/benchmarks/measure_all.py
 
-What else runs beside them costs ratios little and seconds much: run it on a machine that is left alone.
+The numbers go to studies/results/speed.csv. Other work on the machine changes ratios little and seconds much, so run it
+on a machine without other work.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ BENCHMARKS = ("drive_speed", "ground_speed", "replay_speed", "process_cost", "cl
 
 
 def main() -> None:
-    """Run each, as a process of its own."""
+    """Run each benchmark as a separate process."""
     for name in BENCHMARKS:
         print(f"{name}, load {os.getloadavg()[0]:.1f}", flush=True)
         subprocess.run([sys.executable, str(Path(__file__).with_name(f"{name}.py")), "--keep"], check=True)

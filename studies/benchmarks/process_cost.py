@@ -1,9 +1,9 @@
-"""What a command costs from start to end, importing included: CPU seconds beside those of an earlier version.
+"""Measure the cost of a command from start to end, including imports: CPU seconds against those of an earlier version.
 
     python studies/benchmarks/process_cost.py [--quick] [--keep] [--against COMMIT]
 
-User and system time of the whole process, the least of several runs; both versions take turns, on one core, with what
-is compiled and checked, byte code included, kept from an untimed first run. An older version is taken from the
+Times are user and system time of the whole process, the minimum of several runs. Both versions alternate on one core.
+Compiled and checked files, including byte code, are kept from an untimed first run. An older version is taken from the
 repository's history.
 """
 
@@ -32,55 +32,56 @@ except ImportError:  # in the former version
 sys.argv[0] = "rover-pin"
 main()
 """
-"What the installed script runs, or ran."
+"""Code of the installed script, in the present and in the former version."""
 COMMANDS = {"--help": (), "drive flat": ("--out", "drive"), "curve": ("--out", "curve"), "bounds": ()}
 
 
 def main() -> None:
-    """Measure and print."""
-    parser, kept = reader(__doc__, "two runs of each instead of ten"), {}
+    """Measure every command in both versions, and print the times; with --keep, store them in speed.csv."""
+    parser, measured = reader(__doc__, "two runs of each instead of ten"), {}
     parser.add_argument("--against", default=BEFORE, help=f"the earlier version; {BEFORE} unless given")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-    with checkout(asked.against) as earlier, TemporaryDirectory() as out:
+    with checkout(options.against) as earlier, TemporaryDirectory() as out:
         for command, more in COMMANDS.items():
-            before, now = compared([*command.split(), *more], earlier, out, 2 if asked.quick else 10)
+            before, now = compared([*command.split(), *more], earlier, out, 2 if options.quick else 10)
             words = f"rover-pin {command}"
-            kept |= {f"{command} [s]": now, f"{command}, over former [x]": now / before}
-            print(f"{words:22s} {now:.3f} s of CPU, {before:.3f} s at {asked.against}: ratio {now / before:.2f}")
-    if asked.keep:
-        keep(kept)
+            measured |= {f"{command} [s]": now, f"{command}, over former [x]": now / before}
+            print(f"{words:22s} {now:.3f} s of CPU, {before:.3f} s at {options.against}: ratio {now / before:.2f}")
+    if options.keep:
+        keep(measured)
 
 
 def compared(words: list[str], earlier: Path, out: str, runs: int) -> tuple[float, float]:
-    """Return the least CPU time [s] of a command in the earlier and in the present version."""
+    """Return the minimum CPU time [s] of a command in the earlier and in the present version."""
     times: dict[Path, list[float]] = {earlier: [], ROOT: []}
     for run in range(runs + 1):
         for package, taken in times.items():
             seconds = cpu_seconds(words, package, out)
+            # The first run fills the caches and does not count.
             taken += [seconds] if run else []
     return min(times[earlier]), min(times[ROOT])
 
 
 def cpu_seconds(words: list[str], package: Path, out: str) -> float:
     """Return the CPU time [s] of one command of the package in this folder."""
-    ran, seconds, _ = timed(words, package, out, out)
-    ran.check_returncode()
+    completed, seconds, _ = timed(words, package, out, out)
+    completed.check_returncode()
     return seconds
 
 
 def timed(
     words: Sequence[str], package: Path, folder: Path | str, kept: Path | str = ""
 ) -> tuple[subprocess.CompletedProcess[str], float, float]:
-    """Run a command of the package in a folder; return what came of it, its CPU time with workers and its time [s].
+    """Run a command of the package in a folder; return the completed process, its CPU time and wall time [s].
 
-    Byte code is `kept` in a folder of its own, if given.
+    The CPU time includes workers. If `kept` is given, the byte code is stored in that folder.
     """
     before, begin = children(), time.perf_counter()
     command, env = [sys.executable, "-c", PROGRAM, *words], as_installed(package, kept)
-    ran = subprocess.run(command, cwd=folder, env=env, check=False, capture_output=True, text=True)
-    return ran, children() - before, time.perf_counter() - begin
+    completed = subprocess.run(command, cwd=folder, env=env, check=False, capture_output=True, text=True)
+    return completed, children() - before, time.perf_counter() - begin
 
 
 def children() -> float:

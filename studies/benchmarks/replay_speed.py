@@ -1,11 +1,12 @@
-"""How fast a log of 20 s is driven again, beside the package before its whole step was compiled; and cold compiling.
+"""Measure the replay of a 20 s log, against the package before its whole step was compiled, and the cold compilation.
 
     python studies/benchmarks/replay_speed.py [--quick] [--keep]
 
-The log is that of the ready-made drive on the ditch (six points a lane) and on a washboard (a polyline of 243); each
-version replays its own. Times are CPU seconds of one process a version, in turns on one core, the least of several
-replays; the distance is the greatest in any channel, in its unit. Compiling is from an empty cache: the step, once a
-machine; the rigid body, once a tree of joints; the laws, once a set of effects.
+The log is that of the ready-made drive on the ditch (six points a lane) and on a washboard (a polyline of 243). Each
+version replays its own log. Times are CPU seconds of one process for each version, alternating on one core, the minimum
+of several replays. The distance is the maximum over all channels, each in its unit. Compilation starts from an empty
+cache: the step, once for each machine; the rigid body, once for each tree of joints; the laws, once for each set of
+effects.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from former import ROOT, checkout
 from speed_table import keep, reader
 
 BEFORE = "f624ee7"
-"""The last commit whose steps were called one by one, with Pinocchio's matrices and one patch's law at a time."""
+"""The last commit that called its steps one by one, with Pinocchio's matrices and one patch's law at a time."""
 SHAPES = ("ditch", "washboard")
 REPLAY = """
 import json, sys, time
@@ -75,19 +76,20 @@ print(json.dumps(told))
 
 
 def main() -> None:
-    """Measure and print."""
-    asked, kept = reader(__doc__, "fewer repeats").parse_args(), {}
-    rounds, repeats = (1, 3) if asked.quick else (3, 10)
+    """Measure replay and compilation, and print them; with --keep, store them in speed.csv."""
+    options, measured = reader(__doc__, "fewer repeats").parse_args(), {}
+    rounds, repeats = (1, 3) if options.quick else (3, 10)
+    # One core only, so that times do not depend on migration between cores.
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     with checkout(BEFORE) as former, tempfile.TemporaryDirectory() as folder:
         for shape in SHAPES:
             times: dict[Path, list[float]] = {former: [], ROOT: []}
             for _ in range(rounds):
-                for package, found in times.items():
-                    found.append(_child(package, REPLAY, shape, str(repeats), f"{folder}/{package.name}"))
-            before, now = (min(found) for found in times.values())
-            kept |= {f"{shape} [ms]": 1e3 * now, f"{shape}, former over now [x]": before / now}
+                for package, samples in times.items():
+                    samples.append(_child(package, REPLAY, shape, str(repeats), f"{folder}/{package.name}"))
+            before, now = (min(samples) for samples in times.values())
+            measured |= {f"{shape} [ms]": 1e3 * now, f"{shape}, former over now [x]": before / now}
             off = _apart(*(np.load(f"{folder}/{package.name}.npz") for package in times))
             print(
                 f"{shape}, 20 s replayed: {1e3 * now:.1f} ms, {20.0 / now:.0f} x real time; "
@@ -96,22 +98,23 @@ def main() -> None:
             )
     with tempfile.TemporaryDirectory() as empty:
         spent = _child(ROOT, COMPILE, cache=empty)
-    told = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in spent.items())
-    print(f"compiled cold, CPU with what writes the C: {told}; {sum(spent.values()):.1f} s in all")
-    if asked.keep:
-        keep(kept | {f"compiling {name} [s]": seconds for name, seconds in spent.items()})
+    parts = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in spent.items())
+    print(f"compiled cold, CPU with what writes the C: {parts}; {sum(spent.values()):.1f} s in all")
+    if options.keep:
+        keep(measured | {f"compiling {name} [s]": seconds for name, seconds in spent.items()})
 
 
 def _child(package: Path, code: str, *arguments: str, cache: str = "") -> Any:
-    """Run code with a version of the package; return what it prints."""
-    own = {"PYTHONPATH": str(package), **({"ROVER_PIN_CACHE": cache} if cache else {})}
+    """Run code with a version of the package; return the printed JSON value."""
+    variables = {"PYTHONPATH": str(package), **({"ROVER_PIN_CACHE": cache} if cache else {})}
     command = [sys.executable, "-c", code, *arguments]
-    done = subprocess.run(command, env={**os.environ, **own}, cwd=package, check=True, capture_output=True, text=True)
+    done = subprocess.run(command, env={**os.environ, **variables}, cwd=package, check=True, capture_output=True, text=True)
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def _apart(one: np.lib.npyio.NpzFile, other: np.lib.npyio.NpzFile) -> float:
-    return max(float(np.nanmax(np.abs(one[name] - other[name]))) for name in one.files)
+def _apart(first: np.lib.npyio.NpzFile, second: np.lib.npyio.NpzFile) -> float:
+    """Return the maximum difference of any channel between two replays."""
+    return max(float(np.nanmax(np.abs(first[name] - second[name]))) for name in first.files)
 
 
 if __name__ == "__main__":

@@ -1,1 +1,1 @@
-"""A drive in the words, units, clocks, frames and files of others; nothing here knows how a log is imported."""
+"""A drive in foreign words, units, clocks, frames and files. Nothing here shares code with the importer."""

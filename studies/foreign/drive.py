@@ -1,4 +1,4 @@
-"""What truly happened: a cart of four wheels drives on hills, slips, skids in turns, stops, and backs up at times."""
+"""The true motion of a cart with four wheels on hills: it slips, skids in turns, stops, and sometimes reverses."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ class Drive(NamedTuple):
     roll: np.ndarray
     turn: np.ndarray
     rates: np.ndarray
-    "(4, n) [rad/s] in the order of CORNERS"
+    """Wheel rates (4, n) [rad/s] in the order of CORNERS."""
     currents: np.ndarray
-    "(4, n) [A]"
+    """Motor currents (4, n) [A]."""
     duties: np.ndarray
-    "(4, n)"
+    """Motor duties (4, n)."""
 
 
 def drive(random: np.random.Generator) -> Drive:
-    """Return a drive of one to two minutes."""
+    """Return a random drive of one to two minutes."""
     rate = float(random.choice([5.0, 10.0, 20.0, 25.0]))
     t = np.arange(0.0, float(random.uniform(70.0, 130.0)), 1.0 / rate)
     speed = _speed(t, random)
@@ -41,13 +41,16 @@ def drive(random: np.random.Generator) -> Drive:
     way = {"x": np.cumsum(speed * np.cos(yaw)) / rate, "y": np.cumsum(speed * np.sin(yaw)) / rate}
     z, ahead, left = _hills(way["x"], way["y"], yaw, random)
     pitch, roll = -np.arctan(ahead), np.arctan(left * np.cos(np.arctan(ahead)))
+    # Slip grows with the climb; the rims turn by 1 / (1 - S) faster than the wheels travel.
     climb = -pitch * np.sign(speed)
     slip = np.clip(0.06 + 0.8 * climb + 0.03 * _waves(t, random, 0.1, 0.5), -0.2, 0.6)
     rim = speed / (1.0 - slip)
+    # Without steering, the rims turn further apart than the yaw rate alone requires.
     skid = float(random.uniform(1.0, 1.8))
     sides = np.array([-1.0, 1.0, -1.0, 1.0])[:, None]
-    own = np.array([1.0 + 0.05 * _waves(t, random, 0.1, 0.6) for _ in CORNERS])
-    rates = (rim * own + sides * HALF * skid * turn) / R * moving
+    wheel_factor = np.array([1.0 + 0.05 * _waves(t, random, 0.1, 0.6) for _ in CORNERS])
+    rates = (rim * wheel_factor + sides * HALF * skid * turn) / R * moving
+    # Current grows with climb and turn; the duty overcomes back-EMF and resistance.
     load = 0.4 + 2.5 * climb + 2.0 * np.abs(turn) + 0.15 * np.array([_waves(t, random, 0.2, 1.0) for _ in CORNERS])
     currents = np.maximum(0.05, load) * np.sign(rates) * moving + 0.01 * random.standard_normal((4, len(t)))
     duties = np.clip((0.22 * rates + 0.3 * currents) / 3.0, -1.0, 1.0)
@@ -68,7 +71,7 @@ def drive(random: np.random.Generator) -> Drive:
 
 
 def _speed(t: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Return the speed over ground [m/s]: about its mean, a stop or two, in one drive of three some way back."""
+    """Return the speed over ground [m/s], with one or two stops, and in one drive of three a section in reverse."""
     speed = float(random.uniform(0.06, 0.35)) * (1.0 + 0.35 * _waves(t, random, 0.02, 0.2))
     for at in random.uniform(0.2, 0.8, random.integers(1, 3)) * t[-1]:
         speed = speed * ~((t > at) & (t < at + 5.0))
@@ -79,7 +82,7 @@ def _speed(t: np.ndarray, random: np.random.Generator) -> np.ndarray:
 
 
 def _waves(t: np.ndarray, random: np.random.Generator, low: float, high: float) -> np.ndarray:
-    """Return a smooth signal of size 1, of frequencies between these [Hz]."""
+    """Return a smooth signal of size 1 with frequencies from `low` to `high` [Hz]."""
     terms = [
         np.sin(2.0 * np.pi * float(random.uniform(low, high)) * t + float(random.uniform(0.0, 6.0))) for _ in range(4)
     ]

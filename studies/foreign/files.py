@@ -1,4 +1,4 @@
-"""A layout in a file: text of many habits, Parquet, .mat in three ways, ROS 2 bags with and without sound stamps."""
+"""Write a layout to a file: text in many formats, Parquet, .mat in three forms, ROS 2 bags with good or bad stamps."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ JOINTS = ("hub_lf", "hub_rf", "hub_lb", "hub_rb")
 
 
 def written(layout: Layout, folder: Path, random: np.random.Generator) -> Path:
-    """Write a layout in a kind of file drawn at random, note which in its habits, and return the path."""
+    """Write a layout in a random kind of file, record the kind in its habits, and return the path."""
     kind = str(random.choice(["commas", "semicolons", "tabs", "blanks", "parquet", "struct", "structs", "flat"],
                              p=[0.4, 0.16, 0.1, 0.07, 0.1, 0.06, 0.06, 0.05]))  # fmt: skip
+    # Text columns exist only as CSV or Parquet here.
     if any(isinstance(values, list) for values in layout.columns.values()) and kind not in ("commas", "parquet"):
         kind = "semicolons"
     layout.habits["file"] = kind
@@ -32,6 +33,7 @@ def written(layout: Layout, folder: Path, random: np.random.Generator) -> Path:
 
 
 def _text(layout: Layout, frame: pd.DataFrame, folder: Path, kind: str, random: np.random.Generator) -> Path:
+    """Write a text file with random separator, decimal sign, row numbers, unit row and preamble; return its path."""
     path = folder / ("drive.txt" if kind == "blanks" else "drive.csv")
     if kind == "blanks":
         frame.columns = ["_".join(str(name).split()) for name in frame.columns]
@@ -42,8 +44,9 @@ def _text(layout: Layout, frame: pd.DataFrame, folder: Path, kind: str, random: 
     layout.habits["row numbers"] = str(numbered)
     decimal = "," if kind == "semicolons" and random.random() < 0.6 else "."
     separator = {"commas": ",", "semicolons": ";", "tabs": "\t"}[kind]
-    whole = {name: values for name, values in frame.items() if values.dtype.kind in "iu"}
-    text = frame.round(9).assign(**whole).to_csv(sep=separator, decimal=decimal, index=numbered)
+    # Whole numbers stay whole, as a logger writes them.
+    integers = {name: values for name, values in frame.items() if values.dtype.kind in "iu"}
+    text = frame.round(9).assign(**integers).to_csv(sep=separator, decimal=decimal, index=numbered)
     head, body = text.split("\n", 1)
     if layout.habits["units"] == "none" and not numbered and random.random() < 0.3:
         row = separator.join(f"[{layout.units.get(name, '')}]" for name in frame.columns)
@@ -54,12 +57,15 @@ def _text(layout: Layout, frame: pd.DataFrame, folder: Path, kind: str, random: 
 
 
 def _ascii(name: str) -> str:
+    """Return a name without accents."""
     return unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
 
 
 def _mat(layout: Layout, folder: Path, kind: str) -> Path:
+    """Write a .mat file: flat variables, one struct of columns, or an array of structs; return its path."""
     from scipy.io import savemat
 
+    # MATLAB names have at most 31 letters, digits and underscores, and begin with a letter.
     columns = {"".join(c if c.isalnum() else "_" for c in _ascii(name)).strip("_")[:31]: values
                for name, values in layout.columns.items() if not isinstance(values, list)}  # fmt: skip
     columns = {name if name[0].isalpha() else f"v{name}": np.asarray(values, float) for name, values in columns.items()}
@@ -76,44 +82,47 @@ def _mat(layout: Layout, folder: Path, kind: str) -> Path:
     return path
 
 
-def bag(seen: Drive, folder: Path, random: np.random.Generator) -> tuple[Path, Layout]:
-    """Write a ROS 2 bag: joint states beside a pose by a tracker, or a receiver and an IMU."""
+def bag(cart: Drive, folder: Path, random: np.random.Generator) -> tuple[Path, Layout]:
+    """Write a ROS 2 bag: joint states with a tracked pose, an odometry pose, or a receiver and an IMU."""
     from rosbags.rosbag2 import Writer
     from rosbags.typesys import Stores, get_typestore
 
     ros = get_typestore(Stores.ROS2_HUMBLE)
+    # Only the pose has bad stamps: frozen, zero, or counted from the start of the computer.
     stamps = str(random.choice(["sound", "frozen", "zero", "since boot"], p=[0.4, 0.25, 0.15, 0.2]))
     pose = str(random.choice(["tracker", "odometry message", "receiver and IMU"]))
     decoys = bool(random.random() < 0.5)
     habits = {"file": "bag", "stamps of the pose": stamps, "frame": pose, "beside": "cmd_vel odom" if decoys else ""}
-    truth = {f"wheel_rate_{corner}": seen.rates[at] for at, corner in enumerate(("fl", "fr", "bl", "br"))}
-    truth |= {name: getattr(seen, name.removeprefix("body_")) for name in ("body_x", "body_y", "body_z", "body_yaw",
+    truth = {f"wheel_rate_{corner}": cart.rates[at] for at, corner in enumerate(("fl", "fr", "bl", "br"))}
+    truth |= {name: getattr(cart, name.removeprefix("body_")) for name in ("body_x", "body_y", "body_z", "body_yaw",
                                                                           "body_pitch", "body_roll")}  # fmt: skip
     if pose == "receiver and IMU":
-        still = 0.0 * seen.t
-        truth |= {"gyro_x": still, "gyro_y": still, "gyro_z": seen.turn, "accelerometer_x": -9.81 * seen.pitch,
-                  "accelerometer_y": 9.81 * seen.roll, "accelerometer_z": still + 9.81}  # fmt: skip
-    with Writer(folder / "drive", version=8) as made:
-        told: dict[str, Any] = {}
-        for row, t in enumerate(seen.t):
+        still = 0.0 * cart.t
+        truth |= {"gyro_x": still, "gyro_y": still, "gyro_z": cart.turn, "accelerometer_x": -9.81 * cart.pitch,
+                  "accelerometer_y": 9.81 * cart.roll, "accelerometer_z": still + 9.81}  # fmt: skip
+    with Writer(folder / "drive", version=8) as writer:
+        connections: dict[str, Any] = {}
+        for row, t in enumerate(cart.t):
             at = EPOCH * 10**9 + round(1e9 * t)
             late = {"sound": at, "frozen": EPOCH * 10**9, "zero": 0, "since boot": at - EPOCH * 10**9 + 10**9}[stamps]
             sound, stamp = _header(ros, at), _header(ros, late)
-            for topic, message in _messages(ros, seen, row, pose, decoys, sound, stamp):
-                if topic not in told:
-                    told[topic] = made.add_connection(topic, message.__msgtype__, typestore=ros)
-                made.write(told[topic], at, ros.serialize_cdr(message, message.__msgtype__))
+            for topic, message in _messages(ros, cart, row, pose, decoys, sound, stamp):
+                if topic not in connections:
+                    connections[topic] = writer.add_connection(topic, message.__msgtype__, typestore=ros)
+                writer.write(connections[topic], at, ros.serialize_cdr(message, message.__msgtype__))
     return folder / "drive", Layout({}, {}, truth, habits)
 
 
 def _header(ros: Any, at: int) -> Any:
+    """Return a ROS header with a stamp given in nanoseconds."""
     time = ros.types["builtin_interfaces/msg/Time"](sec=at // 10**9, nanosec=at % 10**9)
     return ros.types["std_msgs/msg/Header"](stamp=time, frame_id="map")
 
 
-def _messages(ros: Any, seen: Drive, row: int, pose: str, decoys: bool, sound: Any, stamp: Any) -> Any:
+def _messages(ros: Any, truth: Drive, row: int, pose: str, decoys: bool, sound: Any, stamp: Any) -> Any:
+    """Yield topic and message of every sensor at one row of the drive."""
     kind = lambda name: ros.types[name]  # noqa: E731
-    rates = seen.rates[:, row].copy()
+    rates = truth.rates[:, row].copy()
     joints = kind("sensor_msgs/msg/JointState")
     yield (
         "/joint_states",
@@ -121,12 +130,12 @@ def _messages(ros: Any, seen: Drive, row: int, pose: str, decoys: bool, sound: A
     )
     vector, point = kind("geometry_msgs/msg/Vector3"), kind("geometry_msgs/msg/Point")
     about = kind("geometry_msgs/msg/Quaternion")(
-        **{axis: float(each[row]) for axis, each in zip("xyzw", _quaternion(seen), strict=True)}
+        **{axis: float(component[row]) for axis, component in zip("xyzw", _quaternion(truth), strict=True)}
     )
     nothing = np.zeros(36)
 
     def odometry(scale: float, v: float, omega: float, header: Any) -> Any:
-        place = point(x=scale * float(seen.x[row]), y=scale * float(seen.y[row]), z=float(seen.z[row]))
+        place = point(x=scale * float(truth.x[row]), y=scale * float(truth.y[row]), z=float(truth.z[row]))
         twist = kind("geometry_msgs/msg/Twist")(linear=vector(x=v, y=0.0, z=0.0), angular=vector(x=0.0, y=0.0, z=omega))
         return kind("nav_msgs/msg/Odometry")(
             header=header, child_frame_id="base",
@@ -134,8 +143,9 @@ def _messages(ros: Any, seen: Drive, row: int, pose: str, decoys: bool, sound: A
                 pose=kind("geometry_msgs/msg/Pose")(position=place, orientation=about), covariance=nothing),
             twist=kind("geometry_msgs/msg/TwistWithCovariance")(twist=twist, covariance=nothing))  # fmt: skip
 
+    # The pose by one of three sources; its header has the possibly bad stamp.
     if pose == "tracker":
-        place = point(x=float(seen.x[row]), y=float(seen.y[row]), z=float(seen.z[row]))
+        place = point(x=float(truth.x[row]), y=float(truth.y[row]), z=float(truth.z[row]))
         yield (
             "/vrpn/rover/pose",
             kind("geometry_msgs/msg/PoseStamped")(
@@ -147,17 +157,18 @@ def _messages(ros: Any, seen: Drive, row: int, pose: str, decoys: bool, sound: A
     else:
         status = kind("sensor_msgs/msg/NavSatStatus")(status=0, service=1)
         yield "/gps/fix", kind("sensor_msgs/msg/NavSatFix")(
-            header=stamp, status=status, latitude=48.1 + float(seen.y[row]) / 111_200.4,
-            longitude=11.5 + float(seen.x[row]) / 74_514.4, altitude=520.0 + float(seen.z[row]),
+            header=stamp, status=status, latitude=48.1 + float(truth.y[row]) / 111_200.4,
+            longitude=11.5 + float(truth.x[row]) / 74_514.4, altitude=520.0 + float(truth.z[row]),
             position_covariance=np.zeros(9), position_covariance_type=0)  # fmt: skip
-        turn = vector(x=0.0, y=0.0, z=float(seen.turn[row]))
-        pull = vector(x=-9.81 * float(seen.pitch[row]), y=9.81 * float(seen.roll[row]), z=9.81)
+        turn = vector(x=0.0, y=0.0, z=float(truth.turn[row]))
+        pull = vector(x=-9.81 * float(truth.pitch[row]), y=9.81 * float(truth.roll[row]), z=9.81)
         yield "/imu/data", kind("sensor_msgs/msg/Imu")(
             header=sound, orientation=about, orientation_covariance=np.zeros(9), angular_velocity=turn,
             angular_velocity_covariance=np.zeros(9), linear_acceleration=pull,
             linear_acceleration_covariance=np.zeros(9))  # fmt: skip
+    # Topics that an importer must not take for the truth: commands, and wheel odometry that is 12 % too long.
     if decoys:
-        v, omega = R * float(rates.mean()), 0.5 * float(seen.turn[row])
+        v, omega = R * float(rates.mean()), 0.5 * float(truth.turn[row])
         yield (
             "/cmd_vel",
             kind("geometry_msgs/msg/Twist")(

@@ -1,4 +1,4 @@
-"""What columns are called: habits of public rover logs, of ROS, of data loggers, and of five languages."""
+"""Column names: habits of public rover logs, of ROS, of data loggers, and of five languages."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CORNERS = {
     "es words": ("delantera_izquierda", "delantera_derecha", "trasera_izquierda", "trasera_derecha"),
     "it": ("ant_sx", "ant_dx", "post_sx", "post_dx"),
 }
-"""Front left, front right, rear left, rear right."""
+"""Corners in the order front left, front right, rear left, rear right."""
 SIDES = {
     "en": ("left", "right"),
     "de": ("links", "rechts"),
@@ -125,9 +125,9 @@ LANGUAGES = {
         "twist": ("odom_v odom_omega",),
     },
 }  # fmt: skip
-"""x y z and the like by blanks, or by bars where names hold blanks; {} is a corner or a side."""
+"""Names of several columns are separated by blanks, or by bars if a name contains blanks. {} is a corner or a side."""
 
 
 def parted(names: str) -> list[str]:
-    """Return the names in one entry."""
+    """Return the column names in one entry."""
     return names.split("|") if "|" in names else names.split()

@@ -1,1 +1,1 @@
-"""Forms of laws that studies compare and the package does not keep."""
+"""Laws that studies compare and that are not part of the package."""

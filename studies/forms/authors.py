@@ -1,9 +1,9 @@
 """The model that the authors of the measured CMU sets published with them, with their own numbers.
 
 Pavlov and Johnson, github.com/robomechanics/3d-terramechanics at commit 55a6e92b35cb (MIT text): Wong and Reece's
-stresses, Jia's averages under lugs (Robotica 30 (2012) 491), shear along the whole slip, Wong's bulldozing at the side.
-This is their variant without soil flow, to which they fitted a_0, a_1, b_0, b_1 at each slip angle, on all their runs:
-those that are predicted here are among them.
+stresses, Jia's averages under lugs (Robotica 30 (2012) 491), shear along the whole slip, and Wong's bulldozing at the
+side. This is their variant without soil flow. They fitted a_0, a_1, b_0, b_1 at each slip angle to all their runs,
+including the runs that are predicted here.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ STEPS, HALVINGS, SLOWEST = 101, 40, 1e-9
 
 
 class Surface(NamedTuple):
-    """What differs with lugs: their height [m], the rim's share that they are, n's change with skid, angles' shares."""
+    """Numbers that depend on the lugs: height [m], share of the rim at the tips, change of n with skid, angles."""
 
     h_g: float
     tips: float
     n_2: float
     shares: dict[int, tuple[float, float, float, float]]
-    "slip angle [deg] -> a_0, a_1, b_0, b_1: theta_m and theta_r over theta_f, at no slip and per slip"
+    """Slip angle [deg] -> a_0, a_1, b_0, b_1: theta_m and theta_r over theta_f, at no slip and per slip."""
 
 
 SMOOTH = Surface(0.0, 1.0, 0.55, {
@@ -43,7 +43,7 @@ LUGGED = Surface(0.005, 0.1, 0.74, {
 
 
 class Runs(NamedTuple):
-    """Runs as columns [runs, 1]: speeds of the shearing radius, of travel, ahead and sideways [m/s], and the rest."""
+    """Runs as columns [runs, 1]: speeds of the shearing radius, of travel, ahead and sideways [m/s], load [N]."""
 
     rim: np.ndarray
     travel: np.ndarray
@@ -51,7 +51,7 @@ class Runs(NamedTuple):
     aside: np.ndarray
     load: np.ndarray
     shares: np.ndarray
-    "[runs, 4]"
+    """Angle shares a_0, a_1, b_0, b_1 of each run [runs, 4]."""
     surface: Surface
 
     @property
@@ -61,29 +61,30 @@ class Runs(NamedTuple):
 
     @property
     def driven(self) -> np.ndarray:
-        """Return which runs do not skid, by the whole travel."""
+        """Return which runs do not skid, with slip computed from the whole travel."""
         return self.rim >= self.travel
 
     @property
     def slip(self) -> np.ndarray:
-        """Slip against the whole travel, r_s omega - V over the larger of both."""
+        """Return the slip computed from the whole travel, r_s omega - V over the larger of both."""
         return (self.rim - self.travel) / np.maximum(self.rim, self.travel)
 
     def at_no_slip(self) -> Runs:
-        """Return the runs rolling, under the load of the run of their slip angle that slips least."""
+        """Return the runs at no slip, each under the load of the run of the same slip angle with the least slip."""
         angles, slip = np.arctan2(self.aside, self.ahead), np.abs(self.slip)
         least = np.argmin(np.where(np.isclose(angles, angles.T), slip.T, np.inf), axis=1)
         return self._replace(rim=self.travel, load=self.load[least])
 
 
 def authors_errors(data: RigSet) -> np.ndarray:
-    """Return the errors [channels, runs] of the authors' model: sinkage carries each run's load."""
+    """Return the errors [channels, runs] of the authors' model, with the sinkage that carries each run's load."""
     angle = np.abs(np.asarray(data.slip_angle))[:, None]
     surface = LUGGED if data.beside.get("lug_height") else SMOOTH
     shares = np.array([surface.shares[round(float(np.degrees(a)))] for a in angle[:, 0]])
     speeds = np.asarray(data.speeds)
     ahead, rim = speeds[:, :1], np.maximum(speeds[:, 1:], SLOWEST) * (R + surface.h_g) / R
     runs = Runs(rim, ahead / np.cos(angle), ahead, ahead * np.tan(angle), data.load[:, None], shares, surface)
+    # A braked wheel keeps the angles of the rolling wheel, so these are found first.
     rolling = runs.at_no_slip()
     braked = rolling_angles(rolling, sinkage(rolling))
     h = sinkage(runs, braked)
@@ -99,7 +100,7 @@ def rolling_angles(runs: Runs, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sinkage(runs: Runs, braked: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
-    """Return the sinkage [runs, 1] that carries the load, by halving."""
+    """Return the sinkage [runs, 1] that carries the load, by bisection."""
     low, high = np.full_like(runs.load, 1e-4), np.full_like(runs.load, 1.5 * R)
     for _ in range(HALVINGS):
         middle = (low + high) / 2.0
@@ -111,23 +112,26 @@ def sinkage(runs: Runs, braked: tuple[np.ndarray, np.ndarray] | None = None) -> 
 def forces(
     runs: Runs, h: np.ndarray, braked: tuple[np.ndarray, np.ndarray] | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return drawbar pull, side force and f_n [runs]; none where the braked wheel's theta_m lies before theta_f."""
+    """Return drawbar pull, side force and f_n [runs]. f_n is 0 if a braked wheel's theta_m exceeds theta_f."""
     r_s, slip = runs.r_s, runs.slip
     theta_f = np.arccos(1.0 - h / r_s)
     a_0, a_1, b_0, b_1 = (runs.shares[:, i : i + 1] for i in range(4))
     theta_m, theta_r = theta_f * (a_0 + a_1 * slip), theta_f * (b_0 + b_1 * slip)
     if braked is not None:
         theta_m, theta_r = np.where(runs.driven, theta_m, braked[0]), np.where(runs.driven, theta_r, braked[1])
+    # Normal stress: the rear half of the arc is mapped to the front half (Wong and Reece).
     theta = theta_r + (theta_f - theta_r) * np.linspace(0.0, 1.0, STEPS)
     folded = np.where(theta >= theta_m, theta, theta_f - (theta - theta_r) / (theta_m - theta_r) * (theta_f - theta_m))
     exponent = N_0 + np.where(runs.driven, N_1, -runs.surface.n_2) * slip
     rise = np.maximum(np.cos(folded) - np.cos(theta_f), 0.0)
     tips = runs.surface.tips
     sigma = K_SINK * rise**exponent * (tips * r_s**exponent + (1.0 - tips) * R**exponent)
+    # Shear displacement forward and sideways; both share one shear strength.
     along, j_t = tangential(runs, theta, theta_f)
     j_l = (theta_f - theta) * runs.aside * r_s / runs.rim
     strength = (C + sigma * np.tan(PHI)) * -np.expm1(-np.hypot(j_t, j_l) / K)
     shear = strength / np.maximum(np.hypot(along, runs.aside), SLOWEST)
+    # The flank of the buried disc pushes sand sideways.
     beside = flank(theta, theta_f, theta_r, r_s) * (runs.aside / runs.travel) ** 2 * np.cos(theta) / B
     per_angle = (
         -sigma * np.sin(theta) + shear * along * np.cos(theta),
@@ -135,12 +139,12 @@ def forces(
         sigma * np.cos(theta) + shear * along * np.sin(theta),
     )
     carried = (theta_m < theta_f)[:, 0]
-    pull, side, f_n = (r_s * B * np.trapezoid(each, theta, axis=1) for each in per_angle)
+    pull, side, f_n = (r_s * B * np.trapezoid(integrand, theta, axis=1) for integrand in per_angle)
     return pull, side, np.where(carried, f_n, 0.0)
 
 
 def tangential(runs: Runs, theta: np.ndarray, theta_f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the speed at which the rim passes the sand, and how far it has; ahead of theta_0 a braked rim drags it."""
+    """Return speed and distance of the rim relative to the sand; in front of theta_0 a braked rim drags the sand."""
     omega, v = runs.rim / runs.r_s, runs.ahead
     theta_0 = theta_f * (1.0 + (runs.rim / runs.travel - 1.0) / 2.0)
     dragged = (np.sin(theta_f) - np.sin(theta_0)) / np.where(runs.driven, 1.0, theta_f - theta_0)

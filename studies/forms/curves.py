@@ -1,4 +1,4 @@
-"""Curves through measured points, each slip level predicted from the others: what a user would otherwise take."""
+"""Curves through measured points, with each slip level predicted from the others, as the usual alternative to a law."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ Predict = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 def left_out(data: RigSet, predict: Predict) -> np.ndarray:
-    """Return the errors [channels, runs] of a baseline, each level predicted from the others."""
+    """Return the errors [channels, runs] of a baseline, with each level predicted from the others."""
     inputs = np.column_stack([data.slip, np.asarray(data.slip_angle)])
+    # A constant input cannot carry a curve.
     inputs = inputs[:, np.ptp(inputs, axis=0) > 0]
     error = np.zeros((len(data.channels), len(inputs)))
     for number, channel in enumerate(data.channels):
@@ -24,11 +25,11 @@ def left_out(data: RigSet, predict: Predict) -> np.ndarray:
     return error
 
 
-def carried_over(data: RigSet, other: RigSet, predict: Predict) -> np.ndarray:
+def carried_over(data: RigSet, second: RigSet, predict: Predict) -> np.ndarray:
     """Return the errors [channels, runs] on another wheel of a baseline that is fitted to all points of this one."""
-    seen, asked = (np.asarray(each.slip)[:, None] for each in (data, other))
-    pairs = zip(data.channels, other.channels, strict=True)
-    return np.array([predict(seen, one.measured, asked) - two.measured for one, two in pairs])
+    measured_at, wanted_at = (np.asarray(rig.slip)[:, None] for rig in (data, second))
+    pairs = zip(data.channels, second.channels, strict=True)
+    return np.array([predict(measured_at, channel.measured, wanted_at) - two.measured for channel, two in pairs])
 
 
 BASELINES = {"mean": mean, "quadratic": quadratic, "Gaussian process": gaussian_process}

@@ -1,4 +1,4 @@
-"""One error for each set, of all channels in their noise, as bars: the base, the law, and curves through the points."""
+"""Draw one error for each set, over all channels in units of their noise: the base, the law, and curves."""
 
 from __future__ import annotations
 
@@ -21,44 +21,45 @@ BARS = {
     "Gaussian process": ("#8f8f8f", "Gaussian process"),
     AUTHORS: ("#b5533c", "the authors' model, fitted to these runs"),
 }
-"""Bars of a set from above: colour and words."""
+"""Bars of a set from top to bottom: colour and legend text."""
 HEIGHT = 0.17
 
 
 def last_law(errors: pd.Series) -> str:
-    """Return the last law of a set's errors (by law) that is neither a curve through its points nor the authors'."""
-    return str([each for each in errors.index if each not in (*BASELINES, AUTHORS)][-1])
+    """Return the last law of a set's errors (by law) that is neither a curve nor the authors' model."""
+    return str([law for law in errors.index if law not in (*BASELINES, AUTHORS)][-1])
 
 
 def by_set(frame: pd.DataFrame) -> dict[str, tuple[str, dict[str, float]]]:
-    """Return set -> its last law and the error in SDs of each bar; "one soil" where all sets were fitted together."""
-    found: dict[str, tuple[str, dict[str, float]]] = {}
+    """Return set -> its last law and the error in SDs of each bar; "one soil" if all sets were fitted together."""
+    by_name: dict[str, tuple[str, dict[str, float]]] = {}
     for key, rows in frame.groupby("set", sort=False):
         name, errors = str(key), rows.set_index("law")["in_sds"]
         law = last_law(errors)
+        # Sets that are predicted from others have no bar.
         if name.startswith((FROM, APART)):
             continue
         if name.startswith(ONE):
-            found[name.removeprefix(ONE)][1]["one soil"] = float(errors[law])
+            by_name[name.removeprefix(ONE)][1]["one soil"] = float(errors[law])
         else:
-            own = {"base": float(errors.iloc[0]), "law": float(errors[law])}
-            found[name] = law, own | {each: float(errors[each]) for each in BARS if each in errors}
-    return found
+            bars = {"base": float(errors.iloc[0]), "law": float(errors[law])}
+            by_name[name] = law, bars | {bar: float(errors[bar]) for bar in BARS if bar in errors}
+    return by_name
 
 
 def draw_error_bars(frame: pd.DataFrame) -> plt.Figure:
-    """Draw the held-out error of each set, all channels together, each in its noise; 1 is the noise."""
+    """Draw the held-out error of each set over all channels, each in units of its noise; 1 is the noise."""
     sets = by_set(frame)
     figure, axis = plt.subplots(figsize=(8.6, 1.1 + 0.95 * len(sets)), layout="constrained")
-    said: set[str] = set()
+    in_legend: set[str] = set()
     for at, (_, errors) in enumerate(sets.values()):
-        shown = [bar for bar in BARS if bar in errors]
-        for place, bar in enumerate(shown):
-            y, (colour, words) = at + (place - (len(shown) - 1) / 2) * HEIGHT, BARS[bar]
-            axis.barh(y, errors[bar], 0.9 * HEIGHT, color=colour, label="" if bar in said else words)
+        present = [bar for bar in BARS if bar in errors]
+        for place, bar in enumerate(present):
+            y, (colour, words) = at + (place - (len(present) - 1) / 2) * HEIGHT, BARS[bar]
+            axis.barh(y, errors[bar], 0.9 * HEIGHT, color=colour, label="" if bar in in_legend else words)
             axis.annotate(f"{errors[bar]:.1f}", (errors[bar], y), (3, 0), textcoords="offset points", va="center",
                           fontsize=7)  # fmt: skip
-            said.add(bar)
+            in_legend.add(bar)
     axis.axvline(1.0, color="black", linewidth=0.8)
     axis.annotate("noise", (1.0, 1.0), (0, 2), xycoords=("data", "axes fraction"), textcoords="offset points",
                   ha="center", fontsize=8)  # fmt: skip

@@ -1,4 +1,4 @@
-"""The laws that `wheel_laws` compares on each measured set: the base, forms of the literature, and what was found."""
+"""The laws that `wheel_laws` compares on each measured set: the base, and those of literature and package."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rover_pin.effects.slip_softening import SlipSoftening
 
 Laws = dict[str, tuple[Effect, ...]]
 LUG_HEIGHT, DENSITY = 0.005, 1330.0 * 9.81
-"""Of studies/data/cmu-grousered-wheel/rig.toml: [m], [N/m^3]."""
+"""Lug height [m] and specific weight [N/m^3] in studies/data/cmu-grousered-wheel/rig.toml."""
 SOFT, RATE, LUGS = SlipSoftening(), RateDependence(v_0=0.05), LugExcavation(h_l=LUG_HEIGHT)
 GRIP = LugGrip(h_l=LUG_HEIGHT)
 PLOUGH, FLANK, RIM = Ploughing(gamma=DENSITY), FlankPressure(gamma=DENSITY), InterfaceFriction()
@@ -81,4 +81,4 @@ ONE_SAND: Laws = {
     "+ grip of lugs + rate": (SOFT, PLOUGH, FLANK, LUGS, GRIP, RATE),
 }
 LAW = "+ grip of lugs"
-"""The law of `ONE_SAND` by which each set is predicted from the others."""
+"""The law of `ONE_SAND` that predicts each set from the others."""

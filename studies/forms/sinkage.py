@@ -1,4 +1,4 @@
-"""Slip-sinkage as others write it, each with one size."""
+"""Slip-sinkage laws of the literature, each with one size."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class DingMetres(Effect):
     neutral: ClassVar[dict[str, float]] = {"n_1": 0.0}
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact with the exponent of its slip."""
+        """Return the contact with the exponent at its slip."""
         more = self.n_1 * ca.fabs(contact.S)
         soil = softer(contact, more * ca.log(contact.wheel.b))
         return contact._replace(soil=soil.replace(n=soil.n + more))
@@ -29,7 +29,7 @@ class DingMetres(Effect):
 
 @dataclass(frozen=True)
 class Exponential(Effect):
-    """k_1 exp(-a |S|)."""
+    """Stiffness that falls exponentially with slip: k_1 exp(-a |S|)."""
 
     a: Scalar = quantity(1.0, "", "study", -8.0, 8.0, "a")
     neutral: ClassVar[dict[str, float]] = {"a": 0.0}
@@ -41,7 +41,7 @@ class Exponential(Effect):
 
 @dataclass(frozen=True)
 class Squared(Effect):
-    """k_1 exp(-a S^2)."""
+    """Stiffness that falls with the square of the slip: k_1 exp(-a S^2)."""
 
     a: Scalar = quantity(1.0, "", "study", -8.0, 8.0, "a")
     neutral: ClassVar[dict[str, float]] = {"a": 0.0}

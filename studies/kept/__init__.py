@@ -1,1 +1,1 @@
-"""What a blind test keeps of its cases, so that a run that was stopped goes on."""
+"""Stored cases of the blind tests, so that an interrupted run continues."""

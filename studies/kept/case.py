@@ -1,4 +1,4 @@
-"""A blind test's cases in files of plain JSON, so that a run that was stopped goes on: nothing is unpickled."""
+"""Stored cases of a blind test in plain JSON files, so that an interrupted run continues without pickle."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rover_pin.discrepancy.answer import Answer
 
 
 def kept(file: Path, make: Callable[[], Case]) -> Case:
-    """Return the case that a file holds; where there is none, make it and write it."""
+    """Return the case in a file. If the file does not exist, make the case and write it."""
     if not file.exists():
         file.parent.mkdir(parents=True, exist_ok=True)
         replace_file(file, text_of(make()).encode())
@@ -22,12 +22,12 @@ def kept(file: Path, make: Callable[[], Case]) -> Case:
 
 
 def text_of(case: Case) -> str:
-    """Return a case as JSON; numbers that are not finite as Python writes them."""
+    """Return a case as JSON. Numbers that are not finite are written as Python writes them."""
     return json.dumps(asdict(case) | {"kind": case.kind.value, "answer": case.answer.value})
 
 
 def case_of(text: str) -> Case:
     """Return the case that `text_of` wrote."""
-    told = json.loads(text)
-    told |= {"kind": Kind(told["kind"]), "answer": Answer(told["answer"]), "truth": tuple(told["truth"])}
-    return Case(**told | {"alike": tuple(map(tuple, told["alike"])), "sizes": tuple(Size(**s) for s in told["sizes"])})
+    fields = json.loads(text)
+    fields |= {"kind": Kind(fields["kind"]), "answer": Answer(fields["answer"]), "truth": tuple(fields["truth"])}
+    return Case(**fields | {"alike": tuple(map(tuple, fields["alike"])), "sizes": tuple(Size(**s) for s in fields["sizes"])})

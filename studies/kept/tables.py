@@ -1,4 +1,4 @@
-"""Tables of a blind test: as Markdown, and of how often what was said to act with a probability did act."""
+"""Tables of a blind test: Markdown, and the calibration of stated probabilities."""
 
 from __future__ import annotations
 
@@ -9,23 +9,26 @@ import numpy as np
 import pandas as pd
 
 SAID = 0.0, 0.1, 0.5, 0.9, 1.0
-"""Ends of the classes of probabilities."""
+"""Edges of the probability classes."""
 
 
-def calibration(told: Sequence[tuple[Mapping[str, float], Sequence[str]]]) -> pd.DataFrame:
-    """Return, of probabilities by name beside the true names: number, mean and share of true ones in each class."""
-    said = [(chance, name in truth) for chances, truth in told for name, chance in chances.items()]
+def calibration(cases: Sequence[tuple[Mapping[str, float], Sequence[str]]]) -> pd.DataFrame:
+    """Return the calibration of probabilities: number, mean and share of true causes in each class.
+
+    Each case is given by its probabilities by name and its true names.
+    """
+    pairs = [(probability, name in truth) for chances, truth in cases for name, probability in chances.items()]
     rows = []
     for low, high in itertools.pairwise(SAID):
-        inside = [row for row in said if low <= row[0] < high or (high == SAID[-1] and row[0] >= high)]
+        inside = [row for row in pairs if low <= row[0] < high or (high == SAID[-1] and row[0] >= high)]
         if inside:
             rows.append([f"{low:g} to {high:g}", len(inside), *np.mean(inside, axis=0)])
     return pd.DataFrame(rows, columns=["said", "number", "mean_said", "share_true"])
 
 
 def listed(chances: Mapping[str, float]) -> str:
-    """Return probabilities by name in a line."""
-    return "; ".join(f"{name} {chance:.2f}" for name, chance in chances.items())
+    """Return probabilities by name as one line of text."""
+    return "; ".join(f"{name} {probability:.2f}" for name, probability in chances.items())
 
 
 def markdown(table: pd.DataFrame) -> str:

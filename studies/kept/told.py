@@ -1,4 +1,4 @@
-"""What a blind test reads from a verdict: the sets that were answered, and how probable each cause was said to be."""
+"""Values that a blind test reads from a verdict: the sets in the answer, and the probability of each cause."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.profile import MAJORITY
 
 CLEAR = 3.0
-"""Nats from which what was hidden is detectable: odds of 20 to 1."""
+"""Evidence [nats] above which a hidden effect is detectable: odds of 20 to 1."""
 LISTED = 0.01
-"""Probability from which a cause that is not there is kept too."""
+"""Probability above which a cause that is not true is stored as well."""
 
 
 def plain(name: str) -> str:
-    """Return a cause's name without where on the way it begins."""
+    """Return a cause's name without the position at which it begins."""
     return name.partition("@")[0]
 
 
 def alike_of(verdict: Verdict) -> tuple[tuple[str, ...], ...]:
-    """Return every set of causes that the data leave."""
-    return tuple(tuple(map(plain, one.split(" + "))) for one in verdict.indistinguishable)
+    """Return every set of causes that is compatible with the data."""
+    return tuple(tuple(map(plain, names.split(" + "))) for names in verdict.indistinguishable)
 
 
 def acts_besides(verdict: Verdict) -> bool:
-    """Return whether the verdict says that more than noise is left, or a channel with more than noise can be."""
+    """Return whether the verdict reports more than noise in the residual, or in a channel."""
     assert verdict.beliefs is not None
     more = verdict.beliefs.probability(lambda hypothesis: hypothesis.leaves_more)
     return more > MAJORITY or bool(beyond_noise(verdict.named, verdict.beliefs))
 
 
 def inclusion_of(verdict: Verdict, true: Sequence[str]) -> dict[str, float]:
-    """Return the probability of each cause that may act, and of the true ones."""
+    """Return the probability of each cause that may be active, and of the true causes."""
     assert verdict.beliefs is not None
-    said = {plain(name): chance for name, chance in verdict.beliefs.included.items()}
+    included = {plain(name): probability for name, probability in verdict.beliefs.included.items()}
     return {
-        name: chance for name, chance in (dict.fromkeys(true, 0.0) | said).items() if chance > LISTED or name in true
+        name: probability for name, probability in (dict.fromkeys(true, 0.0) | included).items() if probability > LISTED or name in true
     }

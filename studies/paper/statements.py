@@ -1,4 +1,4 @@
-"""What the paper's text says of F(S), as limits on numbers that F alone decides; the SDs are assumed."""
+"""The paper's statements on F(S), as limits on numbers that F alone determines. The SDs are assumed."""
 
 from __future__ import annotations
 
@@ -22,32 +22,36 @@ class Statement(NamedTuple):
     sd: float
 
     def residual(self, F: np.ndarray) -> float:
-        """Return how far the number is outside its limits [SD]: the nearer limit minus the number, 0 inside."""
+        """Return the distance of the number from its limits [SD]: the nearer limit minus the number, and 0 inside."""
         value = self.number(F)
         return (max(self.low - value, 0.0) + min(self.high - value, 0.0)) / self.sd
 
 
 def degrees(F: float) -> float:
+    """Return the slope [deg] that a traction factor holds."""
     return math.degrees(math.atan(F))
 
 
 def slip_on(slope_deg: float) -> Callable[[np.ndarray], float]:
-    """Return the steady slip on a slope: the first S with F(S) = tan(slope), and 1 where there is none."""
-    asked = math.tan(math.radians(slope_deg))
+    """Return the function of F that gives the steady slip on a slope: the first S with F(S) = tan(slope), else 1."""
+    required = math.tan(math.radians(slope_deg))
 
     def slip(F: np.ndarray) -> float:
-        if F[0] >= asked:
+        # A rover that drives on the slope without slip has slip 0.
+        """Return the first S with F(S) = tan(slope), by linear interpolation."""
+        if F[0] >= required:
             return 0.0
-        over = np.flatnonzero(asked <= F)
+        over = np.flatnonzero(required <= F)
         if not over.size:
-            return 1.0 + float(asked - F.max())  # a slope for the search where no slip holds
+            return 1.0 + float(required - F.max())  # a slope for the search where no slip holds
         at = int(over[0])
-        return float(np.interp(asked, F[at - 1 : at + 1], SLIPS[at - 1 : at + 1]))
+        return float(np.interp(required, F[at - 1 : at + 1], SLIPS[at - 1 : at + 1]))
 
     return slip
 
 
 def at(F: np.ndarray, S: float) -> float:
+    """Return F at a slip."""
     return float(np.interp(S, SLIPS, F))
 
 

@@ -1,4 +1,4 @@
-"""Drives that are drawn at random, to tune on some and judge on others: ditches and inclines of sand."""
+"""Random drives through ditches and up inclines of sand, for tuning on some and evaluating on others."""
 
 import dataclasses
 import math
@@ -13,11 +13,11 @@ from rover_pin.tuning.study import DriveCase
 SHEAR = (10**-2.5, 10**-1.5)
 """Range of k [m], drawn on a logarithmic scale: about 3 to 32 mm."""
 WALLS, INCLINES = (30.0, 65.0), (6.0, 18.0)
-"""Ranges of a ditch's walls and of an incline [deg]."""
+"""Ranges of a ditch's wall angle and of an incline [deg]."""
 LOSSES = (0.05, 0.4)
-"""Range of the strength lost past the peak; half of the drives lose none."""
+"""Range of the strength lost past the peak. Half of the drives lose none."""
 DIGS = (0.02, 0.1)
-"""Range of c_d, the share of what a rim throws that deepens its hole, drawn on a logarithmic scale."""
+"""Range of c_d, the share of the thrown sand that deepens the hole, drawn on a logarithmic scale."""
 
 
 def random_drives(
@@ -25,28 +25,31 @@ def random_drives(
 ) -> tuple[DriveCase, ...]:
     """Return drives of `duration` [s] through ditches, then up inclines that begin half a metre ahead.
 
-    R is that of each sand, so that its flat is cruised at CRUISE_SLIP: with Table 1's, sand of small k gives energy.
+    R is chosen for each sand so that its flat is cruised at CRUISE_SLIP. With Table 1's R, sand of small k would give
+    energy.
 
     Parameters
     ----------
     digging : float
-        Share of the drives in whose sand wheels dig in (`DiggingMemory`); they are else the same for a seed.
+        Share of the drives in whose sand wheels dig in (`DiggingMemory`). Everything else is unchanged for a seed.
 
     Raises
     ------
     ParameterError
-        A negative number of drives, or a share outside [0, 1].
+        If a number of drives is negative, or the share is outside [0, 1].
     """
     if not 0.0 <= digging <= 1.0:
         raise ParameterError(f"digging = {digging:g} is not allowed: it is a share of the drives, from 0 to 1.")
     if min(ditches, inclines) < 0:
         raise ParameterError(f"{ditches} ditches and {inclines} inclines cannot be drawn: give numbers from 0 on.")
+    # A second generator for the holes, so that the drives of a seed do not change with `digging`.
     rng, holes = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     drawn = (_drawn(rng, i < ditches, duration, i + 1) for i in range(ditches + inclines))
     return tuple(_digging(holes, case, digging) for case in drawn)
 
 
 def _digging(rng: np.random.Generator, case: DriveCase, share: float) -> DriveCase:
+    """Return the drive with digging sand, for a random share of the drives."""
     digs, c_d = rng.random() < share, round(math.exp(rng.uniform(*np.log(DIGS))), 3)
     if not digs:
         return case
@@ -55,6 +58,7 @@ def _digging(rng: np.random.Generator, case: DriveCase, share: float) -> DriveCa
 
 
 def _drawn(rng: np.random.Generator, ditch: bool, duration: float, number: int) -> DriveCase:
+    """Return a random drive through a ditch or up an incline."""
     k = round(math.exp(rng.uniform(*np.log(SHEAR))), 5)
     lost = round(float(rng.uniform(*LOSSES)), 3) if rng.random() < 0.5 else 0.0
     angle = round(float(rng.uniform(*(WALLS if ditch else INCLINES))), 1)

@@ -1,6 +1,6 @@
-"""The base model of rigs fitted in their declared noise alone: what studies and tests compare with.
+"""Fits of the base model of rigs with their declared noise alone, as a reference for studies and tests.
 
-The loop fits them with a discrepancy besides, as `discrepancy.conclude.explorer_of` has it.
+The loop fits the base model together with a discrepancy, as in `discrepancy.conclude.explorer_of`.
 """
 
 from collections.abc import Sequence
@@ -17,20 +17,21 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.residual import huber
 
 STARTS, WIDER = 6, (1.0, 2.0, 4.0)
-"""Starts of a fit, and how many times as far they lie where none of them ends."""
+"""Number of starts of a fit, and factors by which their spread grows if no start converges."""
 SURPRISE = 1e-3
-"""A chi2 less probable than this by the stated noise means that more is left than the noise."""
+"""If chi2 is less probable than this under the declared noise, the residual exceeds the noise."""
 
 
 def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter], seed: int = 0) -> Fit:
-    """Return the model with its numbers fitted, the lowest of several starts.
+    """Return the model with its numbers fitted, the lowest chi2 of several starts.
 
-    Raises OptimisationError: none of them ends.
+    Raises OptimisationError if no start converges.
     """
     noise = experiment.noise()
     assert noise is not None
     centre = np.array([parameter.u(experiment.value(model, parameter.name)) for parameter in numbers])
     starts = np.array(scattered(centre, STARTS, seed))
+    # A wider spread of starts is tried only if all starts of the narrower spread fail.
     for times in WIDER:
         fits = []
         for start in centre + times * (starts - centre):
@@ -44,11 +45,11 @@ def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter],
 
 
 def scattered(centre: np.ndarray, count: int, seed: int) -> list[np.ndarray]:
-    """Return `count` starts: the centre, then points scattered around it, within u of 1."""
+    """Return `count` starts: the centre, and random points within 1 of it in u."""
     draws = np.random.default_rng(seed).uniform(-1.0, 1.0, (count - 1, len(centre)))
     return [centre, *(centre + draws)]
 
 
 def is_adequate(fitted: Fit) -> bool:
-    """Return whether the stated noise leaves as much as a fit does, or more, with at least SURPRISE as probability."""
+    """Return whether the declared noise explains the residual with a probability of at least SURPRISE."""
     return float(chi2_law.sf(huber(fitted.rows), fitted.freedom)) >= SURPRISE

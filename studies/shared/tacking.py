@@ -1,9 +1,9 @@
-"""Beyond the paper: take obstacles at an angle, one wheel after another, by what the rover feels on board.
+"""Beyond the paper: cross obstacles at an angle, one wheel after another, with on-board sensors only.
 
-Where all soil laws of the package let thrust only grow or fall with slip, no play with the duty helps a rover whose two
-front wheels stand at a wall: all wheels pull as hard as the soil allows. Turned by some 35 degrees it lifts one wheel
-at a time while five push, and the wall is less steep along its way. Nothing outside the rover is needed to know when:
-uneven ground folds the bogies, a smooth slope does not.
+In all soil laws of the package, thrust only grows or only falls with slip. Changing the duty therefore cannot help a
+rover with both front wheels at a wall, where all wheels already pull as hard as the soil allows. Turned by about 35
+degrees, the rover lifts one wheel at a time while five push, and the wall is less steep along its path. On-board
+sensors show when to turn: uneven ground folds the bogies, a smooth slope does not.
 """
 
 import math
@@ -23,16 +23,16 @@ from rover_pin.rover.rover import Rover
 from rover_pin.simulation.state import suspension_places
 
 FRESH = (1.0, -1.0)
-"""What the control remembers at the start: the left side, and no uneven ground."""
+"""Initial memory of the control: the left side, and no uneven ground."""
 
 
 @dataclass(frozen=True)
 class Tacking(Record):
-    """How the rover tacks: kappa = gain (psi_d - psi) within 1 / radius, psi_d = +-heading on uneven ground, else 0.
+    """Parameters of tacking: kappa = gain (psi_d - psi) within 1 / radius, psi_d = +-heading on uneven ground, else 0.
 
-    Ground is uneven from when a suspension angle exceeds `alert` until `calm` after it last did; there, and where the
-    nose points up by more than `alert`, the duty is `delta_climb`.
-    Source: none; found with the package's own optimisation (studies/beyond_the_paper.py).
+    The ground counts as uneven from the time at which a suspension angle exceeds `alert` until `calm` after it last
+    did. On uneven ground, and where the nose points up by more than `alert`, the duty is `delta_climb`. Source: none;
+    found with the package's own optimisation (studies/beyond_the_paper.py).
     """
 
     heading: Scalar = quantity(math.radians(34.0), "rad", "tuned", 0.0, math.radians(80.0), "psi")
@@ -46,12 +46,14 @@ class Tacking(Record):
 
 @lru_cache(maxsize=16)
 def _law(steering: tuple[bool, ...], links: int) -> ca.Function:
-    """Return the law of a rover whose wheels steer or not; its numbers are `Tacking`'s, then places of the wheels."""
+    """Return the law of a rover with these steering wheels. Its numbers are `Tacking`'s and the wheel positions."""
     n = len(steering)
     t, read, memory = ca.SX.sym("t"), ca.SX.sym("read", 3 + 2 * n + links), ca.SX.sym("memory", 2)
     values, places = ca.SX.sym("values", len(quantities(Tacking))), ca.SX.sym("places", 2 * n)
     law = Tacking(**dict(zip(quantities(Tacking), ca.vertsplit(values), strict=True)))
+    # Memory: the side of the next turn, and the time until which the ground counts as uneven.
     folded = ca.mmax(ca.fabs(read[3 + 2 * n :])) > law.alert if links else ca.SX(0.0)
+    # The side changes once an obstacle is over, so that the rover keeps its course on average.
     over = ca.logic_and(memory[1] > 0.0, memory[1] < t)
     side = ca.if_else(ca.logic_and(over, ca.logic_not(folded)), -memory[0], memory[0])
     until = ca.if_else(folded, t + law.calm, ca.if_else(over, FRESH[1], memory[1]))
@@ -59,6 +61,7 @@ def _law(steering: tuple[bool, ...], links: int) -> ca.Function:
     target_yaw = ca.if_else(uneven, side * law.heading, 0.0)
     bend = ca.fmin(ca.fmax(law.gain * (target_yaw - read[2]), -1.0 / law.radius), 1.0 / law.radius)
     delta = ca.if_else(ca.logic_or(uneven, -read[1] > law.alert), law.delta_climb, law.delta)
+    # All wheels roll about the turning centre; the fastest gets the full duty.
     pairs = [(places[2 * at], places[2 * at + 1]) for at in range(n)]
     speeds, angles = rolling(pairs, steering, BodyMotion(1.0, bend))
     fastest = ca.mmax(ca.fabs(ca.vertcat(*speeds)))
@@ -69,22 +72,22 @@ def _law(steering: tuple[bool, ...], links: int) -> ca.Function:
 
 @dataclass
 class TackingControl(LawControl):
-    """The controller: reads yaw, pitch and suspension angles only, commands the duty and the steering.
+    """A controller that reads yaw, pitch and suspension angles only, and commands the duty and the steering.
 
-    Every obstacle is taken on the other side than the one before, so that the rover keeps its course on the whole.
-    Source: none. Differs from the paper: it knows no slip, and it steers.
+    Successive obstacles are crossed on alternating sides, so that the rover keeps its course on average. Source: none.
+    Differs from the paper: the controller knows no slip, and it steers.
 
     Raises
     ------
     ParameterError
-        Its tightest turn wants a wheel to steer beyond 75 deg.
+        If its tightest turn needs a wheel to steer beyond 75 deg.
     """
 
     rover: Rover
     tacking: Tacking = field(default_factory=Tacking)
     limit: TorqueLimit | NoLimit = field(default_factory=NoLimit)
     memory: np.ndarray = field(default_factory=lambda: np.array(FRESH))
-    "on which side the next obstacle is taken, and until when the ground is uneven [s]"
+    """Side on which the next obstacle is crossed, and time until which the ground is uneven [s]."""
     fresh = np.array(FRESH)
 
     def __post_init__(self) -> None:
@@ -94,10 +97,10 @@ class TackingControl(LawControl):
 
     @property
     def law(self) -> ca.Function:
-        """Its law as one function."""
+        """Return the law as one CasADi function."""
         return _law(steers(self.rover), len(suspension_places(self.rover)))
 
     @property
     def numbers(self) -> np.ndarray:
-        """The numbers of `Tacking`, and x, y of each wheel from the line on which turning centres lie."""
+        """Return the numbers of `Tacking`, and x, y of each wheel from the line of the turning centres."""
         return np.concatenate([list(self.tacking.values().values()), turning_places(self.rover).ravel()])

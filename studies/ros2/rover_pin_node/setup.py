@@ -1,4 +1,4 @@
-"""What colcon builds the package by."""
+"""Build description of the ROS 2 package for colcon."""
 
 from setuptools import setup
 

@@ -1,9 +1,9 @@
-"""A rover on its soil, driven in real time: `cmd_vel` in; `joint_states`, `odom` and `wheel_slip` out.
+"""A rover on its soil in real time: the node reads `cmd_vel` and publishes `joint_states`, `odom` and `wheel_slip`.
 
-Every control period of the clock (0.05 s) the compiled drive goes on by as much. Wheels are held at the rates that the
-last command asks for by the rover's own kinematics, and stand where none has come for `cmd_vel_timeout`. `odom` is the
-true pose, and the twist in `base_link`; `joint_states` has the names of the URDF, a wheel's effort its motor's torque;
-`wheel_slip` has a number a wheel, in the order that its label tells.
+Every control period of the clock (0.05 s) the compiled drive advances by the same time. The wheels hold the rates that
+the rover's kinematics give for the last command, and stop if no command arrives for `cmd_vel_timeout`. `odom` is the
+true pose, with the twist in `base_link`. `joint_states` has the names of the URDF; the effort of a wheel is its motor's
+torque. `wheel_slip` has one number for each wheel, in the order of its label.
 """
 
 import math
@@ -21,7 +21,7 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.control.motion.servo import HeldSpeeds
 
 DEPTH = 10
-"""Messages that a topic keeps for a slow reader."""
+"""Number of messages that a topic keeps for a slow reader."""
 
 
 class RoverNode(Node):
@@ -32,8 +32,8 @@ class RoverNode(Node):
         settings = {name: self.declare_parameter(name, default).value
                  for name, default in (("scenario", "flat"), ("rover", "nexus6"), ("soil", ""))}  # fmt: skip
         self.timeout = self.declare_parameter("cmd_vel_timeout", 0.5).value
-        name, given = settings.pop("scenario"), {name: value for name, value in settings.items() if value}
-        chosen = scenario(name, control="cmd-vel", **{"control.speed": 0.0, **given})
+        name, overrides = settings.pop("scenario"), {name: value for name, value in settings.items() if value}
+        chosen = scenario(name, control="cmd-vel", **{"control.speed": 0.0, **overrides})
         self.model, self.timing, self.place = chosen.model, chosen.timing, chosen.start
         self.control = chosen.controller
         self.heard, self.turned = self.get_clock().now(), np.zeros(self.model.rover.model.njoints)
@@ -44,7 +44,7 @@ class RoverNode(Node):
         self.timer = self.create_timer(self.timing.control, self.go_on)
 
     def obey(self, message):
-        """Hold what is commanded from now on; sideways where the wheels steer."""
+        """Hold the commanded motion from now on; sideways motion needs wheels that steer."""
         x, y = message.linear.x, message.linear.y
         try:
             self.hold(math.hypot(x, y) if y else x, message.angular.z, math.atan2(y, x) if y else 0.0)
@@ -54,7 +54,7 @@ class RoverNode(Node):
         self.heard = self.get_clock().now()
 
     def hold(self, speed, yaw_rate, crab=0.0):
-        """Change what is held; the servos' integrals go on."""
+        """Change the held motion. The servos keep their integrals, so that the torque does not jump."""
         before = self.control
         self.control = HeldSpeeds.of(
             self.model.rover, self.model.motor, speed, yaw_rate, crab, before.track, before.servo, before.limit
@@ -62,7 +62,8 @@ class RoverNode(Node):
         self.control.memory[:] = before.memory
 
     def go_on(self):
-        """Drive on by a control period and tell where that led."""
+        """Advance the drive by one control period and publish the new state."""
+        # A lost connection must stop the rover.
         if (self.get_clock().now() - self.heard).nanoseconds > 1e9 * self.timeout:
             self.hold(0.0, 0.0)
         trace = simulate(self.model, self.control, self.timing.control, self.place, self.timing, measure_error=False)
@@ -80,7 +81,7 @@ class RoverNode(Node):
         self.slip.publish(slip)
 
     def joint_states(self, trace, stamp):
-        """Return angles [rad], which go on beyond a turn, rates [rad/s] and torques [N m] of all joints."""
+        """Return angles [rad], which continue beyond a turn, rates [rad/s] and torques [N m] of all joints."""
         pin_model, state = self.model.rover.model, self.place.state
         torques = {wheel.joint: trace[f"torque_{wheel.name}"][-1] for wheel in self.model.rover.wheels}
         message = JointState()
@@ -88,6 +89,7 @@ class RoverNode(Node):
         for number in range(2, pin_model.njoints):
             joint = pin_model.joints[number]
             q = state.q[joint.idx_q : joint.idx_q + joint.nq]
+            # Continuous joints are stored as cosine and sine; the angle is unwrapped against the previous one.
             angle = math.atan2(q[1], q[0]) if joint.nq == 2 else q[0]
             self.turned[number] += math.remainder(angle - self.turned[number], 2.0 * math.pi)
             message.name.append(pin_model.names[number])
