@@ -138,7 +138,7 @@ def main() -> None:
     print(f"{request.room}: {row['tried']} tried of {row['changes']}, {row['not noticed']} not noticed")
     if not request.quick:
         for table, rows in zip(table_files.values(), ([row], missed), strict=True):
-            others = pd.read_csv(table).query("room != @asked.room") if table.exists() else pd.DataFrame()
+            others = pd.read_csv(table).query("room != @request.room") if table.exists() else pd.DataFrame()
             all_rows = pd.concat([others, pd.DataFrame(rows)]) if rows else others
             all_rows.sort_values(["room"], kind="stable").to_csv(table, index=False)
 
