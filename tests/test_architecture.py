@@ -59,18 +59,18 @@ def test_every_module_is_in_a_room_and_every_room_is_there():
 
 def test_rooms_import_downwards():
     level = {name: i for i, name in enumerate(ROOMS)}
-    pairs = [(name, other) for name, others in OWN.items() for other in others - {"rover_pin"}]
+    pairs = [(name, second) for name, others in OWN.items() for second in others - {"rover_pin"}]
     assert not [pair for pair in pairs if level[room(pair[1])] > level[room(pair[0])]]
 
 
 def test_the_loop_itself_knows_no_rover():
-    pairs = [(name, other) for name, others in OWN.items() if room(name) in NO_ROVER for other in others]
+    pairs = [(name, second) for name, others in OWN.items() if room(name) in NO_ROVER for second in others]
     assert not [pair for pair in pairs if room(pair[1]) not in (*NO_ROVER, "base")]
 
 
 @pytest.mark.parametrize("leaf", LEAVES)
 def test_leaves_are_imported_by_few(leaf):
-    importers = {room(name) for name, others in OWN.items() for other in others if room(other) == leaf}
+    importers = {room(name) for name, others in OWN.items() for second in others if room(second) == leaf}
     assert importers <= {leaf, *LEAVES[leaf]}
 
 
@@ -79,7 +79,7 @@ def test_every_package_states_its_contents():
 
 
 def test_nothing_inside_imports_the_front_door():
-    assert not [name for name, own in OWN.items() if "rover_pin" in own]
+    assert not [name for name, local in OWN.items() if "rover_pin" in local]
 
 
 def test_no_import_cycles():
@@ -89,8 +89,8 @@ def test_no_import_cycles():
         assert state[name] != "open", "cycle: " + " -> ".join([*way[way.index(name) :], name])
         if state[name] == "new":
             state[name] = "open"
-            for other in sorted(OWN.get(name, ())):
-                visit(other, [*way, name])
+            for second in sorted(OWN.get(name, ())):
+                visit(second, [*way, name])
             state[name] = "done"
 
     for name in OWN:

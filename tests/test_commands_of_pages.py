@@ -104,8 +104,8 @@ def lines():
         for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL):
             for line in filter(None, (line.split("#")[0].strip() for line in block.splitlines())):
                 yield from line.split(" && ")
-        for found in COMMAND.findall(" ".join(re.sub(r"```.*?```", "", text, flags=re.DOTALL).split())):
-            yield found if found.startswith(("rover-pin", "python")) else f"python {found}"
+        for match in COMMAND.findall(" ".join(re.sub(r"```.*?```", "", text, flags=re.DOTALL).split())):
+            yield match if match.startswith(("rover-pin", "python")) else f"python {match}"
 
 
 def only_named(line):
@@ -115,13 +115,13 @@ def only_named(line):
         return True
     if words[0] != "rover-pin" or len(words) != 2 or words[1].startswith("-"):
         return False
-    return any(each.required and each.param_type_name == "argument" for each in GROUP.commands[words[1]].params)
+    return any(param.required and param.param_type_name == "argument" for param in GROUP.commands[words[1]].params)
 
 
 def commands():
     """Every command of README and pages, once, as it is printed."""
-    found = dict.fromkeys(line for line in lines() if not TO_FILL_IN.search(line) and not only_named(line))
-    return [line for line in found if line not in ELSEWHERE]
+    fromkeys = dict.fromkeys(line for line in lines() if not TO_FILL_IN.search(line) and not only_named(line))
+    return [line for line in fromkeys if line not in ELSEWHERE]
 
 
 @cache
@@ -157,10 +157,12 @@ def run(command, folder):
 
 
 def test_every_line_for_a_shell_is_accounted_for():
-    known = [*commands(), *ELSEWHERE]
-    others = [each for each in lines() if each not in known and not TO_FILL_IN.search(each) and not only_named(each)]
+    accounted = [*commands(), *ELSEWHERE]
+    others = [
+        line for line in lines() if line not in accounted and not TO_FILL_IN.search(line) and not only_named(line)
+    ]
     assert not others
-    assert all(each.startswith(("rover-pin ", "python studies/")) for each in commands())
+    assert all(line.startswith(("rover-pin ", "python studies/")) for line in commands())
     assert set(ELSEWHERE) <= set(lines())
 
 
@@ -168,12 +170,12 @@ def test_what_is_run_by_hand_is_a_command_of_the_pages():
     assert set(BY_HAND) | set(NEEDS) <= set(commands())
 
 
-RUN = [each for each in commands() if each not in {*BY_HAND, *KEPT}]
-STUDIES = [each for each in RUN if each.startswith("python ")]
+RUN = [command for command in commands() if command not in {*BY_HAND, *KEPT}]
+STUDIES = [line for line in RUN if line.startswith("python ")]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", [each for each in RUN if each not in STUDIES])
+@pytest.mark.parametrize("command", [line for line in RUN if line not in STUDIES])
 def test_a_command_of_the_pages_runs(command, tmp_path):
     run_after_its_needs(command, tmp_path)
 
@@ -189,7 +191,7 @@ def test_a_study_of_the_pages_runs(command, tmp_path):
 @pytest.mark.parametrize("name", keeper.COMMANDS)
 def test_a_command_prints_what_is_kept(name, tmp_path):
     """The numbers that the pages show; a command of these runs here alone."""
-    kept = tomllib.loads(keeper.KEPT.read_text(encoding="utf-8"))[name]
-    command = kept.pop("command")
-    assert command in [each.removesuffix(" --open") for each in commands()]
-    assert keeper.measure(name, tmp_path) == pytest.approx(kept, rel=0.02)
+    stored = tomllib.loads(keeper.KEPT.read_text(encoding="utf-8"))[name]
+    command = stored.pop("command")
+    assert command in [line.removesuffix(" --open") for line in commands()]
+    assert keeper.measure(name, tmp_path) == pytest.approx(stored, rel=0.02)

@@ -24,9 +24,9 @@ def page():
 @pytest.fixture(scope="module")
 def rows(page):
     """The rows of the page: module, names, the cell with their values, the reason."""
-    found = re.findall(r"^\| `([\w.]+)`<br>(.+?) \| (.+?) \| (.+) \|$", page, re.MULTILINE)
-    assert len(found) == page.count("<br>")
-    return [(where, re.findall(r"`(\w+)`", names), values, reason) for where, names, values, reason in found]
+    matches = re.findall(r"^\| `([\w.]+)`<br>(.+?) \| (.+?) \| (.+) \|$", page, re.MULTILINE)
+    assert len(matches) == page.count("<br>")
+    return [(where, re.findall(r"`(\w+)`", names), values, reason) for where, names, values, reason in matches]
 
 
 def numbers(value):
@@ -44,9 +44,9 @@ def module_of(where):
 
 def test_the_page_has_the_values_of_the_code(rows, page):
     for where, names, cell, reason in rows:
-        written = re.findall(r"-?\d[\d.]*(?:e[+-]\d+)?", re.sub(r"[\w ]+: ", " ", cell))
+        matches = re.findall(r"-?\d[\d.]*(?:e[+-]\d+)?", re.sub(r"[\w ]+: ", " ", cell))
         values = numbers(tuple(getattr(module_of(where), name) for name in names))
-        assert [float(number) for number in written] == pytest.approx(values, rel=1e-3), (where, names)
+        assert [float(number) for number in matches] == pytest.approx(values, rel=1e-3), (where, names)
         assert len(reason.split()) >= 4, (where, names)
     decide, others = map(int, re.search(r"\((\d+) numbers\).+?\((\d+) numbers\)", page, re.DOTALL).groups())
     assert decide + others == sum(len(names) for _, names, *_ in rows)
@@ -60,11 +60,11 @@ def test_every_number_that_something_is_compared_with_is_on_the_page(rows):
     for path in sorted(file for room in ROOMS for file in (ROOT / "rover_pin" / room).rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         module = importlib.import_module(".".join(path.relative_to(ROOT).with_suffix("").parts))
-        known = {name for name in vars(module) if name.isupper() and type(getattr(module, name)) in (int, float)}
+        is_known = {name for name in vars(module) if name.isupper() and type(getattr(module, name)) in (int, float)}
         for node in ast.walk(tree):
             if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
                 assigned.add(node.id)
             if isinstance(node, ast.Compare):
-                compared |= known & {name.id for name in ast.walk(node) if isinstance(name, ast.Name)}
+                compared |= is_known & {name.id for name in ast.walk(node) if isinstance(name, ast.Name)}
     assert len(compared & assigned) > 100
     assert compared & assigned <= listed, sorted(compared & assigned - listed)

@@ -34,8 +34,8 @@ def test_its_commands_and_their_options_are_there(name):
         if command in ("COMMAND", "--help"):
             continue
         assert command in GROUP.commands, line
-        known = {option for parameter in GROUP.commands[command].params for option in parameter.opts} | {"--help"}
-        assert {word for word in words if word.startswith("-")} <= known, line
+        is_known = {option for parameter in GROUP.commands[command].params for option in parameter.opts} | {"--help"}
+        assert {word for word in words if word.startswith("-")} <= is_known, line
 
 
 @pytest.mark.slow
@@ -53,17 +53,17 @@ def test_the_pictures_and_pages_it_names_are_there():
     for name, text in PAGES.items():
         home = ROOT / "docs" if (ROOT / "docs" / name).is_file() else ROOT
         for target in re.findall(r"\]\(([\w/.-]+\.(?:png|gif|md|cff))(?:#[\w-]+)?\)", text):
-            made = target.startswith(("catalogue/", "plots/")) or target in ("api.md", "commands.md")
-            made |= (ROOT / target).with_suffix(".ipynb").is_file()  # `mkdocs build` is strict about the rest
-            assert made or (home / target).is_file(), f"{name}: {target}"
+            is_generated = target.startswith(("catalogue/", "plots/")) or target in ("api.md", "commands.md")
+            is_generated |= (ROOT / target).with_suffix(".ipynb").is_file()  # `mkdocs build` is strict about the rest
+            assert is_generated or (home / target).is_file(), f"{name}: {target}"
 
 
 def test_the_paper_page_is_made_of_every_strict_failure(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "docs"))
     rows = list(importlib.import_module("make_pages").contradictions())
     text = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests" / "paper").glob("test_*.py"))
-    written = re.findall(r"\bstrict=True, reason=\"|(?<!def )\b(?:differs|contradicts)\(", text)
-    assert len(rows) == len(written) > 15
+    matches = re.findall(r"\bstrict=True, reason=\"|(?<!def )\b(?:differs|contradicts)\(", text)
+    assert len(rows) == len(matches) > 15
     assert all(measured for *_, measured in rows)
 
 

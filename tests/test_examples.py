@@ -32,8 +32,8 @@ IMPORTED = sorted({
 def section(name, heading):
     """What a docstring has under a heading of numpydoc."""
     text = inspect.getdoc(getattr(rover_pin, name))
-    found = re.search(rf"^{heading}\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", text, re.MULTILINE | re.DOTALL)
-    return found[1] if found else ""
+    match = re.search(rf"^{heading}\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", text, re.MULTILINE | re.DOTALL)
+    return match[1] if match else ""
 
 
 @pytest.mark.parametrize(
@@ -43,21 +43,27 @@ def test_its_examples_come_out(name, monkeypatch):
     monkeypatch.chdir(ROOT)
     thing = getattr(rover_pin, name)
     module = __import__(thing.__module__, fromlist=["x"])
-    examples = [each for each in doctest.DocTestFinder().find(thing, name, globs=vars(module).copy()) if each.examples]
+    examples = [
+        example_test
+        for example_test in doctest.DocTestFinder().find(thing, name, globs=vars(module).copy())
+        if example_test.examples
+    ]
     assert examples, f"{name} shows no example"
-    for each in examples:
-        assert doctest.DocTestRunner().run(each).failed == 0
+    for example_test in examples:
+        assert doctest.DocTestRunner().run(example_test).failed == 0
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_a_function_says_what_it_takes_and_returns(name):
-    said = section(name, "Parameters")
+    documented = section(name, "Parameters")
     named = {
-        word for line in re.findall(r"^([\w*][\w, *]*?)(?: : .*)?$", said, re.MULTILINE) for word in line.split(", ")
+        word
+        for line in re.findall(r"^([\w*][\w, *]*?)(?: : .*)?$", documented, re.MULTILINE)
+        for word in line.split(", ")
     }
     parameters = inspect.signature(getattr(rover_pin, name)).parameters.values()
-    asked = {f"{'**' if each.kind is each.VAR_KEYWORD else ''}{each.name}" for each in parameters}
-    assert named == asked
+    taken = {f"{'**' if parameter.kind is parameter.VAR_KEYWORD else ''}{parameter.name}" for parameter in parameters}
+    assert named == taken
     assert section(name, "Returns").strip()
     assert section(name, "Examples").strip()
 

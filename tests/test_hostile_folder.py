@@ -49,19 +49,19 @@ duration = 0.2
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A downloaded folder: data that are asked for, and beside them what none has asked for."""
-    made = tmp_path_factory.mktemp("downloads")
+    downloads = tmp_path_factory.mktemp("downloads")
     for name in MODULES:
-        (made / f"{name}.py").write_text(f"open({str(made / 'pwned')!r}, 'a').write('module {name}\\n')\n")
+        (downloads / f"{name}.py").write_text(f"open({str(downloads / 'pwned')!r}, 'a').write('module {name}\\n')\n")
     for name in PROGRAMS:
-        (made / name).write_text(f"#!/bin/sh\necho program {name} >> '{made / 'pwned'}'\n")
-        (made / name).chmod(0o755)
-    (made / "matplotlibrc").write_text(f"animation.ffmpeg_path: {made / 'ffmpeg'}\ntext.usetex: True\n")
-    shutil.copytree(ROOT / "studies" / "data" / "cmu-smooth-wheel", made / "rig")
-    shutil.copy(ROOT / "urdf" / "cart.urdf", made)
-    shutil.copy(ROOT / "urdf" / "cart.toml", made / "own.toml")
-    (made / "study.toml").write_text(STUDY)
-    (made / "tuning.toml").write_text(TUNING)
-    return made
+        (downloads / name).write_text(f"#!/bin/sh\necho program {name} >> '{downloads / 'pwned'}'\n")
+        (downloads / name).chmod(0o755)
+    (downloads / "matplotlibrc").write_text(f"animation.ffmpeg_path: {downloads / 'ffmpeg'}\ntext.usetex: True\n")
+    shutil.copytree(ROOT / "studies" / "data" / "cmu-smooth-wheel", downloads / "rig")
+    shutil.copy(ROOT / "urdf" / "cart.urdf", downloads)
+    shutil.copy(ROOT / "urdf" / "cart.toml", downloads / "own.toml")
+    (downloads / "study.toml").write_text(STUDY)
+    (downloads / "tuning.toml").write_text(TUNING)
+    return downloads
 
 
 PYTHON_PATHS = ("", ":", ":/opt/ros/lib", ".", "./", "inner", "HERE", "HERE/.", "/opt/ros/lib:HERE")
@@ -131,15 +131,17 @@ def packages(tmp_path_factory):
     Those that Python itself imports before any program begins (`site`, `sitecustomize`, the console script's `re`) are
     Python's to take from PYTHONPATH; nothing of this package can come before them.
     """
-    made = tmp_path_factory.mktemp("packages")
-    (made / "inner").mkdir()
+    package_folder = tmp_path_factory.mktemp("packages")
+    (package_folder / "inner").mkdir()
     program = [sys.executable, "-c", "import sys, re, runpy\nprint(*sys.modules, sep='\\n')"]
-    loaded = subprocess.run(program, capture_output=True, text=True, check=True, cwd=made).stdout.split()
+    loaded = subprocess.run(program, capture_output=True, text=True, check=True, cwd=package_folder).stdout.split()
     for name in MODULES - {name.partition(".")[0] for name in loaded} - {"sitecustomize", "_winapi", "nt"}:
-        for place in (made, made / "inner"):
-            (place / f"{name}.py").write_text(f"open({str(made / 'pwned')!r}, 'a').write('module {name}\\n')\n")
-    (made / "study.toml").write_text(STUDY)
-    return made
+        for place in (package_folder, package_folder / "inner"):
+            (place / f"{name}.py").write_text(
+                f"open({str(package_folder / 'pwned')!r}, 'a').write('module {name}\\n')\n"
+            )
+    (package_folder / "study.toml").write_text(STUDY)
+    return package_folder
 
 
 @pytest.mark.parametrize("path", PYTHON_PATHS)
@@ -167,8 +169,8 @@ def test_no_compiler_of_the_folder_runs(folder, tmp_path):
         "shared_library('int one(void) { return 1; }', 'one')\n"
     )
     (tmp_path / "start.py").write_text(source)
-    own = {**os.environ, "PATH": f".:{os.environ['PATH']}", "ROVER_PIN_CACHE": str(tmp_path / "cache")}
-    subprocess.run([sys.executable, str(tmp_path / "start.py")], cwd=folder, env=own, check=True)
+    entries = {**os.environ, "PATH": f".:{os.environ['PATH']}", "ROVER_PIN_CACHE": str(tmp_path / "cache")}
+    subprocess.run([sys.executable, str(tmp_path / "start.py")], cwd=folder, env=entries, check=True)
     assert ran(folder) == ""
     assert list((tmp_path / "cache").glob("one-*.so"))
 

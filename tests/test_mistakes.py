@@ -121,23 +121,23 @@ def test_a_mistake_in_python_is_named_in_a_sentence(flat, run, named, call):
 
 def test_a_soil_a_motor_and_a_start_in_memory_are_driven(run):
     sand, motor = Soil(k=0.01, c=300.0), Motor(supply=8.4)
-    made = scenario("flat", soil=sand, motor=motor, start=Start(x=0.3), duration=0.2)
-    assert (made.model.soils[0], made.model.motor, made.start) == (sand, motor, Start(x=0.3))
-    trace = made.drive()
-    made.write_log(trace, "log")
+    case = scenario("flat", soil=sand, motor=motor, start=Start(x=0.3), duration=0.2)
+    assert (case.model.soils[0], case.model.motor, case.start) == (sand, motor, Start(x=0.3))
+    trace = case.drive()
+    case.write_log(trace, "log")
     again = scenario("flat", **trace.attrs["settings"])
-    assert (again.model.soils, again.model.motor, again.start) == (made.model.soils, motor, made.start)
+    assert (again.model.soils, again.model.motor, again.start) == (case.model.soils, motor, case.start)
     assert scenario("flat", soil=sand, **{"soil.k": "20mm"}).model.soils[0] == sand.replace(k=0.02)
 
 
 def test_a_function_is_a_controller(run):
-    made = scenario("flat", control=steady, duration=0.3)
-    trace = made.drive()
+    case = scenario("flat", control=steady, duration=0.3)
+    trace = case.drive()
     assert trace["duty_fl"].tolist() == [0.4] * len(trace.t)
     assert (trace.attrs["control"], "control" in trace.attrs["settings"]) == ("steady", False)
-    made.write_log(trace, "log")
-    held = scenario("flat", control=ConstantDuty(0.3), duration=0.3).drive()
-    assert held["duty_fl"].max() == pytest.approx(0.3)
+    case.write_log(trace, "log")
+    driven = scenario("flat", control=ConstantDuty(0.3), duration=0.3).drive()
+    assert driven["duty_fl"].max() == pytest.approx(0.3)
 
 
 def test_units_are_read_alike_by_options_settings_and_python(run):

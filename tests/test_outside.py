@@ -109,9 +109,9 @@ WAYS = {
 @pytest.mark.parametrize("way", WAYS)
 def test_a_file_elsewhere_needs_trust(way, outside, tmp_path):
     read, name = WAYS[way]
-    for at, given in enumerate((f"../outside/{name}", str(outside / name), f"below/../../outside/{name}")):
+    for at, inputs in enumerate((f"../outside/{name}", str(outside / name), f"below/../../outside/{name}")):
         with pytest.raises(RoverPinError, match=r".*:.*--trust"):
-            read(tmp_path / f"set{at}", given)
+            read(tmp_path / f"set{at}", inputs)
     assert read(tmp_path / "trusted", f"../outside/{name}", Trust(everything=True))
 
 
@@ -132,10 +132,10 @@ def test_a_rover_may_lie_elsewhere(outside, tmp_path):
     (outside / "secret.toml").write_text(f'password = "{SECRET}"\n')
     for name in ("../outside/secret.toml", str(outside / "secret.toml"), "../outside/passwd"):
         log = read_drive_log(drive_log(tmp_path / "set", rover=name))
-        with pytest.raises(UrdfError) as told:
+        with pytest.raises(UrdfError) as raised:
             log.load_rover()
-        assert SECRET not in str(told.value)
-        assert "password" not in str(told.value)
+        assert SECRET not in str(raised.value)
+        assert "password" not in str(raised.value)
     log = read_drive_log(drive_log(tmp_path / "set", rover="../outside/secret.toml"))
     with pytest.raises(UrdfError, match="`rover-pin check-urdf`"):
         log.load_rover()
@@ -148,8 +148,8 @@ def test_a_rover_may_lie_elsewhere(outside, tmp_path):
 def test_a_urdf_has_no_entities(entity, tmp_path):
     toml = rover(tmp_path / "own", "own.urdf")
     text = (rover_folder() / "nexus6.urdf").read_text()
-    head, robot, rest = text.partition("<robot")
-    (toml.parent / "own.urdf").write_text(f"{head}<!DOCTYPE robot [{entity}]>{robot}{rest}")
+    head, robot, tail = text.partition("<robot")
+    (toml.parent / "own.urdf").write_text(f"{head}<!DOCTYPE robot [{entity}]>{robot}{tail}")
     with pytest.raises(UrdfError, match=r"<!DOCTYPE>.*<!ENTITY>"):
         load_rover(toml)
     assert not check_urdf(toml).ok
@@ -232,8 +232,8 @@ def test_a_study_names_no_file_elsewhere(command, setting, name, outside, tmp_pa
     folder.mkdir()
     (folder / "link").symlink_to(outside / "passwd")
     (folder / "study.toml").write_text(f'{STUDIES[command]}{setting} = "{name}"\n')
-    told = refused([command, "study.toml"], folder, monkeypatch)
-    assert "give --trust" in told
+    message = refused([command, "study.toml"], folder, monkeypatch)
+    assert "give --trust" in message
 
 
 @pytest.mark.parametrize("command", ["view", "export"])
@@ -242,13 +242,13 @@ def test_a_trace_names_no_file_elsewhere(command, setting, outside, tmp_path, mo
     folder = tmp_path / "set"
     folder.mkdir()
     channels = {"t_s": np.array([0.0, 1.0])}
-    made = Trace(
+    trace = Trace(
         channels, attrs={"scenario": "polyline", "settings": {setting: str(outside / "passwd"), "trust": True}}
     )
-    write_parquet(folder / "drive.parquet", made)
-    told = refused([command, "drive.parquet"], folder, monkeypatch)
-    assert told.startswith(f"drive.parquet: {setting} = ")
-    assert "lies outside" in told
+    write_parquet(folder / "drive.parquet", trace)
+    message = refused([command, "drive.parquet"], folder, monkeypatch)
+    assert message.startswith(f"drive.parquet: {setting} = ")
+    assert "lies outside" in message
 
 
 def meshed(folder, name):
@@ -265,10 +265,10 @@ def meshed(folder, name):
 
 def packed(mib):
     """A small archive of a large STL."""
-    made = io.BytesIO()
-    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         archive.writestr("wheel.stl", bytes(80) + (mib * MIB // 50).to_bytes(4, "little") + bytes(mib * MIB // 50 * 50))
-    return made.getvalue()
+    return buffer.getvalue()
 
 
 @pytest.mark.parametrize(
@@ -354,7 +354,7 @@ def test_a_mesh_lies_in_the_package_of_its_urdf(name, read, marked, tmp_path, mo
     assert ("r = 0.3 " in (tmp_path / "new" / "own.toml").read_text()) is read
     toml = tmp_path / "pkg" / "own.toml"
     toml.write_text((file.parent / "own.toml").read_text().replace('"cart.urdf"', '"urdf/cart.urdf"'))
-    drawn = [each for each in shapes_of(load_rover(toml), mesh_folder(str(toml))) if each.wheel]
+    drawn = [mount for mount in shapes_of(load_rover(toml), mesh_folder(str(toml))) if mount.wheel]
     assert np.ptp(drawn[0].vertices[:, 0]) == pytest.approx(0.6 if read else 0.22, rel=0.01)
     missing = [note for note in check_urdf(toml).notes if "1 of 1 meshes" in note]
     assert len(missing) == (not read)
@@ -367,6 +367,6 @@ def test_impossible_names(name, tmp_path):
         folder = tmp_path / way
         folder.mkdir()
         (folder / "loop").symlink_to(folder / "loop")
-        with pytest.raises(RoverPinError) as told:
+        with pytest.raises(RoverPinError) as raised:
             read(folder, name)
-        assert len(str(told.value).splitlines()) == 1
+        assert len(str(raised.value).splitlines()) == 1

@@ -24,11 +24,11 @@ def kept(name):
 
 
 def test_every_kept_table_says_what_made_it():
-    made = tomllib.loads((RESULTS / "made.toml").read_text())
-    assert set(made) == {path.stem for path in RESULTS.iterdir()} - {"made"}
-    for about in made.values():
-        assert (ROOT / about["command"].split()[-1]).exists()
-        assert re.fullmatch(r"[0-9a-f]{7,40}", about["commit"])
+    report = tomllib.loads((RESULTS / "made.toml").read_text())
+    assert set(report) == {path.stem for path in RESULTS.iterdir()} - {"made"}
+    for metadata in report.values():
+        assert (ROOT / metadata["command"].split()[-1]).exists()
+        assert re.fullmatch(r"[0-9a-f]{7,40}", metadata["commit"])
 
 
 @pytest.mark.parametrize("name", ["blind_rig", "blind_drives"])
@@ -53,10 +53,10 @@ def test_no_control_climbs_what_constant_duty_does_not():
 
 def test_half_the_step_agrees_on_all_drives():
     again = kept("digging").dropna(subset="moved")
-    same = again.same.astype(str) == "True"
+    unchanged = again.same.astype(str) == "True"
     assert len(again) > 40
-    assert same.all()
-    assert again[same].moved.max() < 3e-3
+    assert unchanged.all()
+    assert again[unchanged].moved.max() < 3e-3
 
 
 def test_tacking_gains_nothing_on_inclines(fields):

@@ -34,8 +34,8 @@ def test_a_folder_of_the_user_goes_before_a_sample(tmp_path, monkeypatch):
     assert data_path("cmu-smooth-wheel/rig.toml") == DATA / "cmu-smooth-wheel" / "rig.toml"
     (tmp_path / "cmu-smooth-wheel" / "rig.toml").touch()
     assert data_path("cmu-smooth-wheel/rig.toml") == Path("cmu-smooth-wheel/rig.toml")
-    for other in ("", ".", "..", "cmu-smooth-wheel/../../data", "steepening-slope/none.csv"):
-        assert data_path(other) == Path(other)
+    for name in ("", ".", "..", "cmu-smooth-wheel/../../data", "steepening-slope/none.csv"):
+        assert data_path(name) == Path(name)
 
 
 @pytest.mark.parametrize("call", [close_the_loop, check_data])

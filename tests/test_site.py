@@ -41,7 +41,7 @@ async function look(page, width) {
 
 
 @pytest.fixture(scope="module")
-def seen(tmp_path_factory):
+def pages(tmp_path_factory):
     """What a browser sees of each page at each width."""
     if BROWSER is None:
         pytest.skip("needs Chromium")
@@ -56,22 +56,22 @@ def seen(tmp_path_factory):
     looked = subprocess.run(
         [BROWSER, *options, "--virtual-time-budget=900000", address], capture_output=True, text=True, check=True
     )
-    (found,) = re.findall(r'<pre id="seen">(.*?)</pre>', looked.stdout, re.DOTALL)
-    return json.loads(unescape(found))
+    (match,) = re.findall(r'<pre id="seen">(.*?)</pre>', looked.stdout, re.DOTALL)
+    return json.loads(unescape(match))
 
 
 @pytest.mark.nightly
-def test_no_page_is_wider_than_its_screen(seen):
-    assert {each["width"] for each in seen} == set(WIDTHS.values())
-    assert not [(each["page"], each["width"], each["wide"]) for each in seen if each["wide"] > 0]
+def test_no_page_is_wider_than_its_screen(pages):
+    assert {page["width"] for page in pages} == set(WIDTHS.values())
+    assert not [(page["page"], page["width"], page["wide"]) for page in pages if page["wide"] > 0]
 
 
 @pytest.mark.nightly
-def test_every_equation_is_typeset_without_a_network(seen):
-    assert sum(each["equations"] for each in seen if each["page"] == "paper.html") > 2 * 9
-    assert not [each for each in seen if each["typeset"] != each["equations"] or each["wrong"] or each["foreign"]]
+def test_every_equation_is_typeset_without_a_network(pages):
+    assert sum(page["equations"] for page in pages if page["page"] == "paper.html") > 2 * 9
+    assert not [page for page in pages if page["typeset"] != page["equations"] or page["wrong"] or page["foreign"]]
 
 
 @pytest.mark.nightly
-def test_pictures_and_search_are_on_every_page(seen):
-    assert not [each for each in seen if each["broken"] or not each["search"]]
+def test_pictures_and_search_are_on_every_page(pages):
+    assert not [page for page in pages if page["broken"] or not page["search"]]

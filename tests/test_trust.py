@@ -147,14 +147,14 @@ def test_the_commands_ask_too(model, monkeypatch, tmp_path):
 
 
 def test_another_file_than_the_named_one_does_not_run(model, tmp_path):
-    other = tmp_path / "other"
-    other.mkdir()
-    shutil.copy(tmp_path / "code.py", other / "code.py")
-    for trust in (Trust.of(other / "code.py"), Trust.of(other), Trust.of([tmp_path / "model.toml"])):
+    second = tmp_path / "other"
+    second.mkdir()
+    shutil.copy(tmp_path / "code.py", second / "code.py")
+    for trust in (Trust.of(second / "code.py"), Trust.of(second), Trust.of([tmp_path / "model.toml"])):
         with pytest.raises(DataError, match="runs only"):
             read_model(model, scenario("flat").model.terrain, trust)
     assert not ran(model)
-    assert not (other / "ran").exists()
+    assert not (second / "ran").exists()
 
 
 def test_a_link_counts_as_what_it_leads_to(model, tmp_path):
@@ -187,8 +187,8 @@ def test_consent_to_a_folder_does_not_follow_a_link_out_of_it(reach, model, tmp_
 def test_a_study_cannot_trust_itself(model, key):
     text = SWEEP.replace(f"[{key}]\n", f"[{key}]\ntrust = {'[true]' if key == 'parameters' else 'true'}\n")
     study = read_study(written(model, text))
-    (told,) = sweep(study, model.parent / "out", workers=1).table["error"]
-    assert "--effects FILE or --trust" in told
+    (report,) = sweep(study, model.parent / "out", workers=1).table["error"]
+    assert "--effects FILE or --trust" in report
     with pytest.raises(ParameterError, match="key 'trust'"):
         read_study(written(model, "trust = true\n" + SWEEP))
     with pytest.raises(ParameterError, match=r"cannot be stated in a file.*--trust"):
@@ -308,8 +308,8 @@ OF_ITS_OWN = {
 def test_every_reader_reads_through_the_bounds():
     for path, tree in FILES.items():
         opening = {name for name, _ in calls(tree) if name.rpartition(".")[2] in OPENERS or name in LOADERS}
-        own = set(OF_ITS_OWN.get(str(path.relative_to(ROOT / "rover_pin")), "").split())
-        assert opening == own, f"{path}: {opening ^ own} opens a file without `bounded`, or does so no more"
+        local = set(OF_ITS_OWN.get(str(path.relative_to(ROOT / "rover_pin")), "").split())
+        assert opening == local, f"{path}: {opening ^ local} opens a file without `bounded`, or does so no more"
 
 
 def test_a_rig_models_named_file_is_asked_for(tmp_path):

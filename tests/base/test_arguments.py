@@ -18,7 +18,7 @@ def made(width: Width, plain: float = 9.0, *, count: Annotated[int, spec("", "as
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("value", "message"),
     [
         ((0.09,), r"thing.width = 0.09.*\[0.1, 2\]"),
         ((float("nan"),), "thing.width = nan"),
@@ -26,16 +26,15 @@ def made(width: Width, plain: float = 9.0, *, count: Annotated[int, spec("", "as
         ((True,), "thing.width = True"),
     ],
 )
-def test_what_is_not_is_refused_by_its_name(given, said):
-    with pytest.raises(ParameterError, match=said):
-        made(*given)
+def test_what_is_not_is_refused_by_its_name(value, message):
+    with pytest.raises(ParameterError, match=message):
+        made(*value)
 
 
 def test_a_function_says_its_arguments_and_keeps_its_signature():
-    said = arguments_of(made)
-    assert {name: (each.kind, each.quantity.unit, each.quantity.high) for name, each in said.items()} == {
-        "width": (float, "m", 2.0),
-        "count": (int, "", 3),
-    }
+    arguments = arguments_of(made)
+    assert {
+        name: (argument.kind, argument.quantity.unit, argument.quantity.high) for name, argument in arguments.items()
+    } == {"width": (float, "m", 2.0), "count": (int, "", 3)}
     assert list(inspect.signature(made).parameters) == ["width", "plain", "count"]
     assert made.__doc__ == "Return them."

@@ -17,16 +17,16 @@ from rover_pin.base.files.bounded import MIB, array_of, arrays, content, text
 from rover_pin.base.files.parquet import unpack_table
 
 
-def npz(**given):
-    made = io.BytesIO()
-    np.savez_compressed(made, **given)
-    return made.getvalue()
+def npz(**value):
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **value)
+    return buffer.getvalue()
 
 
-def parquet(table, **how):
-    made = io.BytesIO()
-    pyarrow.parquet.write_table(table, made, **how)
-    return made.getvalue()
+def parquet(table, **options):
+    buffer = io.BytesIO()
+    pyarrow.parquet.write_table(table, buffer, **options)
+    return buffer.getvalue()
 
 
 def test_a_file_comes_back_whole_up_to_the_bound(tmp_path):
@@ -68,11 +68,11 @@ def test_folders_and_impossible_names(tmp_path):
 
 
 def test_arrays_come_back(tmp_path):
-    given = {"z": np.arange(6.0).reshape(2, 3), "x0": np.array(1)}
-    (tmp_path / "a.npz").write_bytes(npz(**given))
-    found = arrays(tmp_path / "a.npz")
-    assert found.keys() == given.keys()
-    assert all(np.array_equal(found[name], given[name]) for name in given)
+    arrays_saved = {"z": np.arange(6.0).reshape(2, 3), "x0": np.array(1)}
+    (tmp_path / "a.npz").write_bytes(npz(**arrays_saved))
+    values = arrays(tmp_path / "a.npz")
+    assert values.keys() == arrays_saved.keys()
+    assert all(np.array_equal(values[name], arrays_saved[name]) for name in arrays_saved)
 
 
 def test_a_bomb_of_arrays_is_not_unpacked(tmp_path):
@@ -111,29 +111,29 @@ def test_an_npy_is_as_large_as_its_header_states(shape):
     "array", [np.arange(6.0).reshape(2, 3), np.asfortranarray(np.eye(3)), np.zeros((0, 3)), np.array(1)]
 )
 def test_an_npy_comes_back(array, version):
-    made = io.BytesIO()
-    np.lib.format.write_array(made, array, version)
-    found = array_of(made.getvalue())
-    assert np.array_equal(found, array)
-    assert (found.shape, found.dtype) == (array.shape, array.dtype)
+    buffer = io.BytesIO()
+    np.lib.format.write_array(buffer, array, version)
+    values = array_of(buffer.getvalue())
+    assert np.array_equal(values, array)
+    assert (values.shape, values.dtype) == (array.shape, array.dtype)
 
 
 def test_numbers_are_counted_as_the_floats_that_they_become():
     """A million bytes are eight millions as floats."""
-    made = io.BytesIO()
-    np.save(made, np.zeros(MIB, dtype=np.uint8))
-    assert array_of(made.getvalue(), 8 * MIB).size == MIB
+    buffer = io.BytesIO()
+    np.save(buffer, np.zeros(MIB, dtype=np.uint8))
+    assert array_of(buffer.getvalue(), 8 * MIB).size == MIB
     with pytest.raises(OSError, match="7 MiB"):
-        array_of(made.getvalue(), 7 * MIB)
+        array_of(buffer.getvalue(), 7 * MIB)
 
 
 def test_a_parquet_table_comes_back():
-    given = {"t_s": [0.0, 0.5, None], "run": ["a", None, "a"], "count": [1, 2, 3], "none": [None, None, None]}
-    table = pyarrow.table(given).replace_schema_metadata({b"rover_pin": b"{}"})
-    found = unpack_table(parquet(table))
-    assert found.to_pydict() == given
-    assert found.schema.metadata[b"rover_pin"] == b"{}"
-    assert unpack_table(parquet(table, use_dictionary=False)).to_pydict() == given
+    columns = {"t_s": [0.0, 0.5, None], "run": ["a", None, "a"], "count": [1, 2, 3], "none": [None, None, None]}
+    table = pyarrow.table(columns).replace_schema_metadata({b"rover_pin": b"{}"})
+    unpacked = unpack_table(parquet(table))
+    assert unpacked.to_pydict() == columns
+    assert unpacked.schema.metadata[b"rover_pin"] == b"{}"
+    assert unpack_table(parquet(table, use_dictionary=False)).to_pydict() == columns
 
 
 BOMBS = {
@@ -161,8 +161,8 @@ BOMBS = {
 
 @pytest.mark.parametrize("kind", BOMBS)
 def test_a_bomb_of_a_table_is_not_unpacked(kind):
-    made, says = BOMBS[kind]
-    packed = parquet(made(), compression="zstd")
+    built, says = BOMBS[kind]
+    packed = parquet(built(), compression="zstd")
     assert len(packed) < 100_000
     with pytest.raises(OSError, match=says):
         unpack_table(packed, 16 * MIB)
@@ -195,6 +195,6 @@ def test_repeated_long_texts_do_not_fill_the_memory(tmp_path):
 
     script = [sys.executable, "-c", LEAN, str(tmp_path / "bomb.parquet")]
     done = subprocess.run(script, capture_output=True, text=True, check=True, preexec_fn=limited)
-    told, grown = done.stdout.splitlines()
-    assert all(number in told for number in ("2000000", "1000"))
+    outcome, grown = done.stdout.splitlines()
+    assert all(number in outcome for number in ("2000000", "1000"))
     assert int(grown) < 200

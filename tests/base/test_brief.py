@@ -20,7 +20,7 @@ MOST = 400
 
 
 @pytest.fixture(scope="module")
-def seen():
+def public_objects():
     """One object of every class of this package that comes to a user, or is a part of one that does."""
     drive = scenario("ditch", control="eq9", duration=1.0)
     rig, log = read_data("cmu-smooth-wheel"), read_data("steepening-slope")
@@ -30,41 +30,41 @@ def seen():
     bed = linear_rig.made(rows, {"soil.phi": linear_rig.law_of("soil.phi", slope)})
     roots += [verdict_on(RigData(bed, linear_rig.MODEL))]
     roots += [identify("cmu-smooth-wheel"), drive.drive()]
-    found, known = {}, set()
+    objects, class_names = {}, set()
     while roots:
         thing = roots.pop()
-        if id(thing) in known:
+        if id(thing) in class_names:
             continue
-        known.add(id(thing))
+        class_names.add(id(thing))
         if type(thing).__module__.startswith("rover_pin."):
-            found.setdefault(type(thing), thing)
+            objects.setdefault(type(thing), thing)
         roots += parts(thing)
-    return found
+    return objects
 
 
 def parts(thing):
     if dataclasses.is_dataclass(thing):
-        return [getattr(thing, each.name) for each in dataclasses.fields(thing)]
+        return [getattr(thing, field.name) for field in dataclasses.fields(thing)]
     return list(thing.values()) if isinstance(thing, dict) else list(thing) if isinstance(thing, (tuple, list)) else []
 
 
-def test_every_object_is_shown_in_a_few_letters(seen):
+def test_every_object_is_shown_in_a_few_letters(public_objects):
     assert {"Scenario", "Model", "Rover", "Trace", "DriveLog", "RigSet", "Verdict", "Identification", "Study"} <= {
-        kind.__name__ for kind in seen
+        kind.__name__ for kind in public_objects
     }
-    long = {kind.__name__: len(repr(thing)) for kind, thing in seen.items() if len(repr(thing)) > MOST}
+    long = {kind.__name__: len(repr(thing)) for kind, thing in public_objects.items() if len(repr(thing)) > MOST}
     assert not long
 
 
-def test_what_it_is_can_be_seen(seen):
-    shown = {kind.__name__: repr(thing) for kind, thing in seen.items()}
-    assert shown["Scenario"].startswith("Scenario(name='ditch', model=<Model>, controller=")
-    assert shown["Trace"] == "<Trace: 20 rows of 87 channels, 0.05 to 1 s, stop: duration>"
-    assert shown["Rover"].startswith("Rover(name='nexus6', ")
+def test_what_it_is_can_be_seen(public_objects):
+    texts = {kind.__name__: repr(thing) for kind, thing in public_objects.items()}
+    assert texts["Scenario"].startswith("Scenario(name='ditch', model=<Model>, controller=")
+    assert texts["Trace"] == "<Trace: 20 rows of 87 channels, 0.05 to 1 s, stop: duration>"
+    assert texts["Rover"].startswith("Rover(name='nexus6', ")
 
 
-def test_notebooks_get_a_table_or_the_summary(seen):
-    things = {kind.__name__: thing for kind, thing in seen.items()}
+def test_notebooks_get_a_table_or_the_summary(public_objects):
+    things = {kind.__name__: thing for kind, thing in public_objects.items()}
     assert "<th scope='row'>gravity</th><td>9.81</td>" in things["Model"]._repr_html_()
     verdict = things["Verdict"]
     assert verdict._repr_html_() == f"<pre>{html.escape(verdict.summary())}</pre>"

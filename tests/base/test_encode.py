@@ -77,8 +77,8 @@ def test_html_and_xml_hold_the_text_and_nothing_else(text):
     assert unescape(html_text(text)) == printable_lines(text)
     element = ElementTree.fromstring(f"<p title=\"{xml(text)}\" lang='{xml(text)}'>{xml(text)}</p>")
     assert {*element.attrib.values(), element.text or ""} == {printable(text)}
-    made = ElementTree.Element("p", title=xml_text(text))
-    read = ElementTree.fromstring(ElementTree.tostring(made))
+    paragraph = ElementTree.Element("p", title=xml_text(text))
+    read = ElementTree.fromstring(ElementTree.tostring(paragraph))
     assert read.get("title") is not None
 
 

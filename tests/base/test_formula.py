@@ -82,14 +82,14 @@ def test_places_on_earth_become_metres():
 
 def test_course_is_the_travel_direction_and_held_at_standstill():
     t = np.arange(0.0, 20.0, 0.1)
-    far = np.minimum(t, 10.0)
-    x, y = far * math.cos(0.7), far * math.sin(0.7)
+    path = np.minimum(t, 10.0)
+    x, y = path * math.cos(0.7), path * math.sin(0.7)
     assert evaluate("course(x, y, t)", {"x": x, "y": y, "t": t}, "here") == pytest.approx(0.7, abs=1e-9)
 
 
 def test_heading_from_course_stays_when_the_rover_reverses():
     t = np.arange(0.0, 20.0, 0.1)
     v = np.where(t < 10.0, 0.1, -0.1)
-    far = np.cumsum(0.1 * v)
-    columns = {"x": far * math.cos(2.9), "y": far * math.sin(2.9), "t": t, "v": v}
+    path = np.cumsum(0.1 * v)
+    columns = {"x": path * math.cos(2.9), "y": path * math.sin(2.9), "t": t, "v": v}
     assert evaluate("heading(x, y, t, v)", columns, "here") == pytest.approx(2.9, abs=1e-9)

@@ -51,6 +51,6 @@ def test_parquet_without_pyarrow_is_refused_with_the_command(tmp_path):
         "print(json.dumps(said))\n",
         tmp_path,
     )
-    said = json.loads(out)
-    assert len(said) == 2
-    assert all('pip install "pyarrow' in each for each in said)
+    errors = json.loads(out)
+    assert len(errors) == 2
+    assert all('pip install "pyarrow' in error for error in errors)

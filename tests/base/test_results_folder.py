@@ -47,9 +47,9 @@ def jobs(out):
 def test_who_comes_second_is_told_who_is_at_work(holder, tmp_path):
     out = tmp_path / "out"
     for name, job in jobs(out).items():
-        with pytest.raises(DataError, match=rf"out: process {holder.pid} ") as told:
+        with pytest.raises(DataError, match=rf"out: process {holder.pid} ") as raised:
             job()
-        assert len(str(told.value).splitlines()) == 1, name
+        assert len(str(raised.value).splitlines()) == 1, name
     assert sorted(os.listdir(out)) == [LOCK]
 
 

@@ -32,10 +32,10 @@ def test_a_loop_that_ends_early_leaves_no_bar_behind(monkeypatch):
     for row in telling(range(9), 9, "runs"):
         if row == 3:
             break
-    shown = len(sys.stderr.getvalue())
-    assert shown > 0
+    count = len(sys.stderr.getvalue())
+    assert count > 0
     logging.getLogger("rover_pin").info("the next line")
-    assert "runs" not in sys.stderr.getvalue()[shown:]
+    assert "runs" not in sys.stderr.getvalue()[count:]
 
 
 def test_the_exploration_of_a_rigs_causes_says_how_long_it_takes(monkeypatch, caplog):

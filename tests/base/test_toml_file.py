@@ -39,8 +39,8 @@ def test_dots_in_texts_and_comments_are_no_keys(toml):
     text = (
         f'x = "{many}\\"{many}" # {many}\ny = \'{many}\'\nz = \'\'\'{many}\n\'{many}\'\'\'\nw = """{many}\n"{many}"""\n'
     )
-    found = read_toml(toml(text))
-    assert found == {"x": f'{many}"{many}', "y": many, "z": f"{many}\n'{many}", "w": f'{many}\n"{many}'}
+    content = read_toml(toml(text))
+    assert content == {"x": f'{many}"{many}', "y": many, "z": f"{many}\n'{many}", "w": f'{many}\n"{many}'}
 
 
 @pytest.mark.parametrize("filler", ["a", " ", "#", '"', "'", "a.", "\\", "[", '"""', "\n"])

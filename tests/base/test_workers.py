@@ -92,10 +92,10 @@ def test_a_stopped_sweep_leaves_no_workers_and_says_what_is_kept(tmp_path, stop,
     workers = [int(file.name.rpartition(".")[2]) for file in tmp_path.glob("out.*")]
     assert workers
     send(process.pid, stop)
-    told = process.communicate(timeout=300)[1]
-    assert process.returncode == 128 + stop, told
-    assert f"rover-pin: stopped: 3 of 8 cases are kept in {out}" in told
-    assert "Traceback" not in told
+    error_output = process.communicate(timeout=300)[1]
+    assert process.returncode == 128 + stop, error_output
+    assert f"rover-pin: stopped: 3 of 8 cases are kept in {out}" in error_output
+    assert "Traceback" not in error_output
     assert until(lambda: not any(map(alive, workers)))
     assert len(collect(out)) == 3
     assert not (out / ".rover_pin.lock").exists()
@@ -146,9 +146,9 @@ def two_workers(folder):
     pytest.importorskip("distributed")
     with test_sweep_cluster.scheduler() as (address, _):
         where = ("--host", "127.0.0.1", "--no-dashboard", "--nthreads", 1, "--no-nanny")
-        one = test_sweep_cluster.dask("worker", address, *where, "--local-directory", folder / "a")
-        other = test_sweep_cluster.dask("worker", address, *where, "--local-directory", folder / "b")
-        with one as first, other as second, workers_of(-1, address) as client:
+        first_worker = test_sweep_cluster.dask("worker", address, *where, "--local-directory", folder / "a")
+        second_worker = test_sweep_cluster.dask("worker", address, *where, "--local-directory", folder / "b")
+        with first_worker as first, second_worker as second, workers_of(-1, address) as client:
             client.wait_for_workers(2, timeout=300)
             yield address, (first, second), client
 
@@ -175,26 +175,26 @@ def test_short_jobs_are_batched_without_idle_processes(jobs, workers):
 
 
 def test_short_jobs_come_back_in_order():
-    asked = [(number,) for number in range(11)]
-    assert list(results(math.sqrt, asked, 2, short=True)) == [math.sqrt(number) for number in range(11)]
+    jobs = [(number,) for number in range(11)]
+    assert list(results(math.sqrt, jobs, 2, short=True)) == [math.sqrt(number) for number in range(11)]
 
 
 @pytest.mark.nightly
 def test_what_a_killed_worker_was_at_is_run_again(tmp_path):
     with two_workers(tmp_path) as (_, workers, client):
-        found = results(killing(tmp_path, workers[0].pid), [(n,) for n in range(60)], client)
-        assert list(found) == [n * n for n in range(60)]
+        returned = results(killing(tmp_path, workers[0].pid), [(n,) for n in range(60)], client)
+        assert list(returned) == [n * n for n in range(60)]
     assert (tmp_path / "killed").exists()
 
 
 @pytest.mark.nightly
 def test_a_scheduler_that_goes_away_is_one_sentence(tmp_path):
     with two_workers(tmp_path) as (address, _, client):
-        found = results(killing(tmp_path, 0, -1), [(n,) for n in range(500)], client)
-        assert next(found) == 0
+        returned = results(killing(tmp_path, 0, -1), [(n,) for n in range(500)], client)
+        assert next(returned) == 0
         client.shutdown()
         with pytest.raises(SimulationError, match=f"The Dask scheduler at {address} went away"):
-            list(found)
+            list(returned)
 
 
 @pytest.mark.nightly
@@ -218,11 +218,11 @@ def test_tuning_and_replays_on_a_cluster_are_those_of_one_core(tmp_path):
                 os.killpg(workers[0].pid, signal.SIGKILL)
 
         there = tune_gains(study, tmp_path / "there", told, scheduler=address)
-        far = experiment_of(runs, model, client).predict([model])
-    here = tune_gains(study, tmp_path / "here", workers=1)
+        remote_prediction = experiment_of(runs, model, client).predict([model])
+    local_tuning = tune_gains(study, tmp_path / "here", workers=1)
     assert killed
-    assert (there.gains, there.verdicts()) == (here.gains, here.verdicts())
-    assert far.tobytes() == experiment_of(runs, model, 1).predict([model]).tobytes()
+    assert (there.gains, there.verdicts()) == (local_tuning.gains, local_tuning.verdicts())
+    assert remote_prediction.tobytes() == experiment_of(runs, model, 1).predict([model]).tobytes()
 
 
 @pytest.mark.nightly
@@ -230,17 +230,17 @@ def test_a_whole_loop_on_a_cluster_is_that_of_one_core(tmp_path):
     """From the log to the verdict, one of two workers killed on the way."""
     log = drive_sets.write(tmp_path / "log", (), runs=3, duration=8.0)
     with two_workers(tmp_path) as (address, workers, _):
-        said = []
+        messages = []
 
         def told(line):
-            said.append(line)
+            messages.append(line)
             if line.startswith("score test"):
                 os.killpg(workers[0].pid, signal.SIGKILL)
 
         there = close_the_loop(log, progress=told, scheduler=address)
-    here = close_the_loop(log, jobs=1)
-    assert any(line.startswith("score test") for line in said)
-    assert _told(there) == _told(here)
+    verdict = close_the_loop(log, jobs=1)
+    assert any(line.startswith("score test") for line in messages)
+    assert _told(there) == _told(verdict)
 
 
 def _told(verdict):

@@ -43,52 +43,52 @@ def said(run, *words):
 
 
 def test_drive_writes_a_log_and_figures(run):
-    told = said(run, "drive", "ditch", "--set", "duration=2", "--out", "here")
-    assert told["stop"] == "duration"
-    assert told["end_time_s"] == pytest.approx(2.0)
-    assert 0.05 < told["distance_m"] < 0.15
-    assert told["files"] == ["here/log", "here/snapshots.png", "here/history.png"]
-    assert all(Path(file).exists() for file in told["files"])
+    output = said(run, "drive", "ditch", "--set", "duration=2", "--out", "here")
+    assert output["stop"] == "duration"
+    assert output["end_time_s"] == pytest.approx(2.0)
+    assert 0.05 < output["distance_m"] < 0.15
+    assert output["files"] == ["here/log", "here/snapshots.png", "here/history.png"]
+    assert all(Path(file).exists() for file in output["files"])
     trace = load_trace("here/log")
-    assert trace["body_x"][-1] == told["end_x_m"]
+    assert trace["body_x"][-1] == output["end_x_m"]
     assert Path("here/snapshots.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_drive_takes_control_gravity_soil_and_settings(run):
-    told = said(
+    output = said(
         run, "drive", "flat", "--control", "true", "--gravity", "moon", "--soil", "fjs-1", "--set", "duration=1"
     )
     attrs = load_trace("out/drive/log").attrs
     assert (attrs["control"], attrs["gravity_mps2"]) == ("SlipControl", 1.62)
-    assert told["scenario"] == "flat"
+    assert output["scenario"] == "flat"
 
 
 def test_drive_says_the_error_of_its_step(run):
-    told = said(run, "drive", "flat", "--set", "duration=2")
-    assert 0.0 < told["step_error_mm"] < 0.1
+    output = said(run, "drive", "flat", "--set", "duration=2")
+    assert 0.0 < output["step_error_mm"] < 0.1
 
 
 def test_a_drive_that_ends_early_still_leaves_its_trace(run):
-    told = said(run, "drive", "flat", "--set", "soil.k_1=8000")
-    assert told["stop"].startswith("buried: wheel")
+    output = said(run, "drive", "flat", "--set", "soil.k_1=8000")
+    assert output["stop"].startswith("buried: wheel")
     assert len(load_trace("out/drive/log").t) >= 1
 
 
 def test_curve_gives_every_form(run):
-    told = said(run, "curve", "--k", "0.01", "--k", "0.05")
-    assert told["F(net, k = 50 mm)"]["S=1"] == pytest.approx(0.0012, abs=1e-4)
-    assert told["F(torque, k = 50 mm)"]["S=1"] == pytest.approx(0.182, abs=1e-3)
-    csv, png = map(Path, told["files"])
+    output = said(run, "curve", "--k", "0.01", "--k", "0.05")
+    assert output["F(net, k = 50 mm)"]["S=1"] == pytest.approx(0.0012, abs=1e-4)
+    assert output["F(torque, k = 50 mm)"]["S=1"] == pytest.approx(0.182, abs=1e-3)
+    csv, png = map(Path, output["files"])
     assert len(csv.read_text().splitlines()) == 102
     assert png.is_file()
     assert len(csv.read_text().splitlines()[0].split(",")) == 7
 
 
 def test_check_urdf_tells_facts_of_a_good_file(run):
-    told = said(run, "check-urdf", ROOT / "urdf" / "nexus6.toml")
-    assert told["faults"] == []
-    assert any("5.8 kg" in fact for fact in told["facts"])
-    assert told["next"] == f"rover-pin drive flat --set rover={ROOT / 'urdf' / 'nexus6.toml'}"
+    output = said(run, "check-urdf", ROOT / "urdf" / "nexus6.toml")
+    assert output["faults"] == []
+    assert any("5.8 kg" in fact for fact in output["facts"])
+    assert output["next"] == f"rover-pin drive flat --set rover={ROOT / 'urdf' / 'nexus6.toml'}"
 
 
 def test_check_urdf_fails_on_a_broken_file(run):
@@ -102,9 +102,9 @@ def test_check_urdf_fails_on_a_broken_file(run):
 
 def test_sweep_writes_a_table(run):
     Path("three.toml").write_text(SWEEP)
-    told = said(run, "sweep", "three.toml", "--workers", "1")
-    assert (told["study"], told["cases"], told["failed"]) == ("three", 3, 0)
-    assert all(Path(file).is_file() for file in told["files"])
+    output = said(run, "sweep", "three.toml", "--workers", "1")
+    assert (output["study"], output["cases"], output["failed"]) == ("three", 3, 0)
+    assert all(Path(file).is_file() for file in output["files"])
 
 
 def test_drive_and_bounds_take_a_model_file(run):
@@ -112,31 +112,31 @@ def test_drive_and_bounds_take_a_model_file(run):
     from rover_pin.simulation.model.toml_file import write_model
 
     write_model(scenario("flat", gravity="moon", soil="fjs-1").model, "model.toml")
-    told = said(run, "drive", "flat", "--model", "model.toml", "--set", "duration=1")
+    output = said(run, "drive", "flat", "--model", "model.toml", "--set", "duration=1")
     plain = said(run, "drive", "flat", "--gravity", "moon", "--soil", "fjs-1", "--set", "duration=1")
-    assert told["end_x_m"] == pytest.approx(plain["end_x_m"], abs=1e-6)
-    told, plain = (
+    assert output["end_x_m"] == pytest.approx(plain["end_x_m"], abs=1e-6)
+    output, plain = (
         said(run, "bounds", *a) for a in (["--model", "model.toml"], ["--gravity", "moon", "--soil", "fjs-1"])
     )
-    assert told["wheels"] == plain["wheels"]
+    assert output["wheels"] == plain["wheels"]
     code, _, err = run("bounds", "--model", "model.toml", "--soil", "table-1")
     assert code == 2
     assert "file model.toml sets soil" in err
 
 
 def test_bounds_for_every_wheel(run):
-    told = said(run, "bounds", "--slope-deg", "5", "--gravity", "mars")
-    assert [wheel["wheel"] for wheel in told["wheels"]] == ["fl", "fr", "ml", "mr", "rl", "rr"]
-    assert all(0.0 < wheel["T_lim_Nm"] < wheel["T_sat_Nm"] for wheel in told["wheels"])
+    output = said(run, "bounds", "--slope-deg", "5", "--gravity", "mars")
+    assert [wheel["wheel"] for wheel in output["wheels"]] == ["fl", "fr", "ml", "mr", "rl", "rr"]
+    assert all(0.0 < wheel["T_lim_Nm"] < wheel["T_sat_Nm"] for wheel in output["wheels"])
     code, out, _ = run("bounds")
     assert code == 0
     assert "T_sat" in out
 
 
 def test_identify_says_what_the_data_tell(run):
-    told = said(run, "identify", RIG, "--set", "phi=0.5")
-    assert "soil.phi" not in told["parameters"]
-    assert told["held"]["soil.phi"] == 0.5
+    output = said(run, "identify", RIG, "--set", "phi=0.5")
+    assert "soil.phi" not in output["parameters"]
+    assert output["held"]["soil.phi"] == 0.5
     code, out, _ = run("identify", RIG, "--set", "phi=0.5")
     assert code == 0
     assert "soil.k = " in out
@@ -145,9 +145,9 @@ def test_identify_says_what_the_data_tell(run):
 @pytest.mark.slow
 def test_tune_writes_gains(run):
     Path("tiny.toml").write_text(TUNE)
-    told = said(run, "tune", "tiny.toml", "--workers", "1", "--out", "tuned")
+    output = said(run, "tune", "tiny.toml", "--workers", "1", "--out", "tuned")
     assert Path("tuned/gains.toml").is_file()
-    assert told["study"] == "tiny"
+    assert output["study"] == "tiny"
 
 
 @pytest.mark.slow
@@ -295,14 +295,14 @@ def test_a_drive_waits_for_no_tables(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("own", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2"), ({"OMP_NUM_THREADS": "2"}, "None")]
+    ("user_setting", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2"), ({"OMP_NUM_THREADS": "2"}, "None")]
 )
-def test_linear_algebra_takes_one_thread_unless_told(own, threads):
+def test_linear_algebra_takes_one_thread_unless_told(user_setting, threads):
     code = (
         "import atexit, os\nfrom rover_pin.__main__ import main\n"
         "atexit.register(lambda: print(os.environ.get('OPENBLAS_NUM_THREADS')))\nmain()"
     )
-    env = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")} | own
+    env = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")} | user_setting
     done = subprocess.run([sys.executable, "-c", code, "--help"], env=env, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == threads
 

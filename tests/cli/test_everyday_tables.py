@@ -25,7 +25,7 @@ HABITS = {
     "row of units and words": "\n".join(["Slip,Load,DP,Torque,Who", "-,N,N,Nm,name", *(f"{row},Max" for row in ROWS)]),
     "units in cells": "\n".join(["slip,load,drawbar pull,torque"] + [f"{row} Nm" for row in ROWS]),
     "unit in some cells": PLAIN.replace("81", "81 N"),
-    "other units in cells": re.sub(r",(79|80|81),", lambda found: f",{float(found[1]) / 1e3} kN,", PLAIN),
+    "other units in cells": re.sub(r",(79|80|81),", lambda expected: f",{float(expected[1]) / 1e3} kN,", PLAIN),
     "empty rows behind": PLAIN + "\n,,,\n,,,\n",
     "delimiters at the ends": PLAIN.replace(",", ";").replace("\n", ";\n") + ";",
     "a delimiter behind the names": PLAIN.replace("torque_Nm", "torque_Nm,"),
@@ -97,20 +97,20 @@ def stamps(**columns):
     """A drive whose time stands in these columns."""
     import pandas as pd
 
-    seen = recordings.truth()
-    ns = recordings.EPOCH + (1e9 * seen.pop("t_s")).round().astype(int)
-    table = {name: made(ns) for name, made in columns.items()}
-    pd.DataFrame(table | seen).to_csv("drive.csv", index=False)
+    truth = recordings.truth()
+    ns = recordings.EPOCH + (1e9 * truth.pop("t_s")).round().astype(int)
+    table = {name: column(ns) for name, column in columns.items()}
+    pd.DataFrame(table | truth).to_csv("drive.csv", index=False)
 
 
 def test_whole_seconds_and_nanoseconds_are_one_clock(run):
     stamps(**{"header.stamp.sec": lambda ns: ns // 10**9, "header.stamp.nanosec": lambda ns: ns % 10**9})
     code, out, err = run("import-log", "drive.csv", "--rover", "cart", "--json")
     assert (code, err) == (0, "")
-    told = json.loads(out)
-    assert any("clock 'header.stamp [s]'" in note for note in told["notes"]), told["notes"]
-    kept = [float(line.split(": ")[1].split(" s from")[0]) for line in told["runs"]]
-    assert sum(kept) > 55.0, "of 70 s with a stop of 6 s"
+    report = json.loads(out)
+    assert any("clock 'header.stamp [s]'" in note for note in report["notes"]), report["notes"]
+    stored = [float(line.split(": ")[1].split(" s from")[0]) for line in report["runs"]]
+    assert sum(stored) > 55.0, "of 70 s with a stop of 6 s"
 
 
 @pytest.mark.parametrize("names", ["\u65f6\u95f4,\u4f4d\u7f6e,\u901f\u5ea6", "---,+++,***", "1,2,3", ",,"])
@@ -126,9 +126,9 @@ def test_names_without_a_latin_letter_are_named_and_refused(names, run):
 def test_other_scripts_go_with_columns_that_are_said(run):
     import pandas as pd
 
-    seen = recordings.truth()
+    truth = recordings.truth()
     names = {"t_s": "\u65f6\u95f4", "body_x": "\u4f4d\u7f6e x"}
-    pd.DataFrame({names.get(name, name): values for name, values in seen.items()}).to_csv("drive.csv", index=False)
+    pd.DataFrame({names.get(name, name): values for name, values in truth.items()}).to_csv("drive.csv", index=False)
     assert run("import-log", "drive.csv", "--rover", "cart", "--column", "body_x=\u4f4d\u7f6e x")[0] == 0
     assert run("check-data", "drive")[0] == 0
 

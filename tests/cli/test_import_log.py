@@ -12,21 +12,21 @@ def test_a_recording_becomes_a_log_that_check_data_takes(run):
     recordings.german(recordings.truth(), Path())
     code, out, err = run("import-log", "Messung.csv", "--rover", "cart", "--json")
     assert (code, err) == (0, "")
-    told = json.loads(out)
-    assert told["next"] == "rover-pin close-loop Messung"
-    assert any(note.startswith("Messung.csv: columns") for note in told["notes"])
-    assert any("no duties" in each for each in told["lacks"])
+    report = json.loads(out)
+    assert report["next"] == "rover-pin close-loop Messung"
+    assert any(note.startswith("Messung.csv: columns") for note in report["notes"])
+    assert any("no duties" in lack for lack in report["lacks"])
     assert run("check-data", "Messung")[0] == 0
 
 
 def test_odometry_is_written_down_and_then_refused(run):
     import numpy as np
 
-    seen = recordings.truth()
-    rim = recordings.R * np.mean([seen[f"wheel_rate_{wheel}"] for wheel in ("fl", "fr", "bl", "br")], axis=0)
-    for name, each in (("body_x", np.cos), ("body_y", np.sin)):
-        seen[name] = np.cumsum(0.1 * rim * each(seen["body_yaw"]))
-    recordings.plain(seen, Path())
+    truth = recordings.truth()
+    rim = recordings.R * np.mean([truth[f"wheel_rate_{wheel}"] for wheel in ("fl", "fr", "bl", "br")], axis=0)
+    for name, function in (("body_x", np.cos), ("body_y", np.sin)):
+        truth[name] = np.cumsum(0.1 * rim * function(truth["body_yaw"]))
+    recordings.plain(truth, Path())
     code, out, err = run("import-log", "plain.csv", "--rover", "cart")
     assert code == 2
     assert "written" in out
@@ -35,7 +35,7 @@ def test_odometry_is_written_down_and_then_refused(run):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("--column", "body_x"), "give NAME=FORMULA"),
         (("--column", "body_x=x", "--column", "body_z"), "--column body_z: give NAME=FORMULA"),
@@ -47,11 +47,11 @@ def test_odometry_is_written_down_and_then_refused(run):
         (("--rover", "nowhere.toml"), "nowhere"),
     ],
 )
-def test_errors_are_one_sentence(run, words, said):
+def test_errors_are_one_sentence(run, words, message):
     recordings.plain(recordings.truth(), Path())
     code, _, err = run("import-log", "plain.csv", "--rover", "cart", *words)
     assert code == 2
-    assert said in err
+    assert message in err
     assert err.count("\n") == 1
 
 

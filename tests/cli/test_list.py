@@ -32,7 +32,7 @@ def test_all_are_listed_with_what_they_are(run, what, names):
 
 
 def test_settings_have_unit_bounds_default_and_source(run):
-    (k,) = [each for each in listed(run, "settings")["settings"] if each["name"] == "soil.k"]
+    (k,) = [setting for setting in listed(run, "settings")["settings"] if setting["name"] == "soil.k"]
     assert k == {"name": "soil.k", "value": 0.008, "unit": "m", "low": 1e-5, "high": 0.5, "source": SLOPE_SAND_SOURCE}
 
 
@@ -42,38 +42,38 @@ def test_every_setting_that_is_listed_can_be_given_as_it_stands(name):
 
     But for a patch, which is none by default, and for gear friction, whose own number is listed too where it is.
     """
-    given = {
-        each.name: each.value
-        for each in settings(name)
-        if each.value is not None and each.value != () and not each.name.startswith("patch.")
+    settings_as_listed = {
+        setting.name: setting.value
+        for setting in settings(name)
+        if setting.value is not None and setting.value != () and not setting.name.startswith("patch.")
     }
-    given.pop("gear_friction")
-    usual, again = scenario(name), scenario(name, **given)
-    assert again.model.soils == usual.model.soils
-    assert again.model.terrain == usual.model.terrain
-    assert again.duration == usual.duration
-    assert again.start == usual.start
+    settings_as_listed.pop("gear_friction")
+    case, again = scenario(name), scenario(name, **settings_as_listed)
+    assert again.model.soils == case.model.soils
+    assert again.model.terrain == case.model.terrain
+    assert again.duration == case.duration
+    assert again.start == case.start
 
 
 def test_a_unit_and_si_are_the_same_drive():
     words = {"soil.k": "5mm", "soil.phi": "32deg", "terrain.wall_angle": "40 deg", "gravity": "1.62 m/s^2"}
     numbers = {"soil.k": 0.005, "soil.phi_deg": 32.0, "terrain.wall_angle_deg": 40.0, "gravity": 1.62}
-    one, other = scenario("ditch", **words, duration="2s"), scenario("ditch", **numbers, duration=2.0)
-    assert one.model.soils[0] == other.model.soils[0] == SLOPE_SAND.replace(k=0.005, phi=other.model.soils[0].phi)
-    assert one.model.terrain == other.model.terrain
-    assert (one.duration, one.model.gravity) == (other.duration, other.model.gravity)
+    case, scene = scenario("ditch", **words, duration="2s"), scenario("ditch", **numbers, duration=2.0)
+    assert case.model.soils[0] == scene.model.soils[0] == SLOPE_SAND.replace(k=0.005, phi=scene.model.soils[0].phi)
+    assert case.model.terrain == scene.model.terrain
+    assert (case.duration, case.model.gravity) == (scene.duration, scene.model.gravity)
 
 
 @pytest.mark.parametrize(
     ("name", "setting"),
-    [(name, each) for name in ("ditch", "hills", "field", "turn", "step") for each in settings(name)
-     if each.name.startswith(("terrain", "start", "control.")) and math.isfinite(each.low)],
-    ids=lambda each: each if isinstance(each, str) else each.name,
+    [(name, entry) for name in ("ditch", "hills", "field", "turn", "step") for entry in settings(name)
+     if entry.name.startswith(("terrain", "start", "control.")) and math.isfinite(entry.low)],
+    ids=lambda entry: entry if isinstance(entry, str) else entry.name,
 )  # fmt: skip
 def test_a_bound_that_is_listed_holds(name, setting):
-    beyond = setting.low - max(1.0, abs(setting.low))
+    outside = setting.low - max(1.0, abs(setting.low))
     with pytest.raises(RoverPinError, match=f"{setting.name} = .*allowed"):
-        scenario(name, **{setting.name: beyond})
+        scenario(name, **{setting.name: outside})
 
 
 def test_list_alone_lists_what_there_is(run):
@@ -84,10 +84,10 @@ def test_list_alone_lists_what_there_is(run):
 
 
 def test_rovers_have_their_wheels_and_mass(run):
-    found = {entry["name"]: entry for entry in listed(run, "rovers")["rovers"]}
-    assert {"nexus6", "cart"} <= set(found)
-    assert found["nexus6"]["wheels"] == 6
-    assert found["cart"]["mass_kg"] == pytest.approx(load_rover("cart").mass)
-    (radius,) = [each for each in found["cart"]["numbers"] if each["name"] == "r"]
+    rovers = {entry["name"]: entry for entry in listed(run, "rovers")["rovers"]}
+    assert {"nexus6", "cart"} <= set(rovers)
+    assert rovers["nexus6"]["wheels"] == 6
+    assert rovers["cart"]["mass_kg"] == pytest.approx(load_rover("cart").mass)
+    (radius,) = [number for number in rovers["cart"]["numbers"] if number["name"] == "r"]
     assert radius["value"] == 0.11
     assert "as given" in radius["source"]  # not the paper's 45 mm

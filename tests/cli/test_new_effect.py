@@ -38,9 +38,9 @@ def test_the_contract_notices_an_effect_that_does_nothing(run):
     file = Path("my_own.py")
     file.write_text(file.read_text().replace("torque=self.a *", "torque=0.0 * self.a *"))
     words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_my_own.py"]
-    ended = subprocess.run(words, check=False, capture_output=True, text=True)
-    assert ended.returncode == 1
-    assert "test_it_changes_a_drive" in ended.stdout
+    completed = subprocess.run(words, check=False, capture_output=True, text=True)
+    assert completed.returncode == 1
+    assert "test_it_changes_a_drive" in completed.stdout
 
 
 def test_names_and_files_are_refused_in_one_sentence(run):

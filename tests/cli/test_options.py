@@ -63,9 +63,9 @@ def test_who_takes_a_model_or_rover_file_takes_trust(name):
 
 
 def run(*words, code=0):
-    with pytest.raises(SystemExit) as ended:
+    with pytest.raises(SystemExit) as exit_info:
         app(list(words))
-    assert ended.value.code == code
+    assert exit_info.value.code == code
 
 
 def test_rover_means_the_same_in_a_drive_in_bounds_and_in_exports(tmp_path, capsys):
@@ -119,11 +119,11 @@ def test_ctrl_c_while_a_picture_is_drawn_names_what_is_kept(tmp_path):
     time.sleep(0.2)
     os.kill(process.pid, signal.SIGINT)
     try:
-        _, said = process.communicate(timeout=30)
+        _, error_output = process.communicate(timeout=30)
     finally:
         process.kill()
     assert process.returncode == 128 + signal.SIGINT
     for name in ("log/drive.toml", "snapshots.png", "history.png"):
-        assert name in said
+        assert name in error_output
         assert (tmp_path / "out" / name).exists()
-    assert "drive.gif" not in said
+    assert "drive.gif" not in error_output

@@ -80,10 +80,10 @@ EFFECTS = {
 
 def refused(run, *words):
     code, out, err = run(*words)
-    *before, said = err.splitlines()
+    *before, last_line = err.splitlines()
     assert (code, out) == (2, ""), (out, err)
     assert set(before) <= {"calibrating the base model"}
-    return said
+    return last_line
 
 
 @pytest.fixture
@@ -131,6 +131,6 @@ def test_what_is_wrong_in_an_effect_has_its_file_and_line(wrong, run):
     assert old in HEAD
     Path("mine.py").write_text(HEAD.replace(old, new, 1))
     Path("data").mkdir()
-    said = refused(run, "close-loop", "data", "--effects", "mine.py")
-    assert wrong in said
-    assert "mine.py" in said
+    error_line = refused(run, "close-loop", "data", "--effects", "mine.py")
+    assert wrong in error_line
+    assert "mine.py" in error_line

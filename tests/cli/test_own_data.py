@@ -18,9 +18,9 @@ NOISE = ("--noise", "drawbar_pull=0.5N", "--noise", "sinkage=0.5mm")
 def test_a_table_becomes_a_set_in_si(run):
     Path("mine.csv").write_text(MINE)
     code, out, _ = run("init", "mine.csv", *WHEEL, *NOISE, "--json")
-    told = json.loads(out)
+    report = json.loads(out)
     assert code == 0
-    assert "'operator'" in " ".join(told["columns"])
+    assert "'operator'" in " ".join(report["columns"])
     rig = read_rig_set("mine")
     assert rig.slip == pytest.approx([0.0, 0.2, 0.4, 0.6])
     assert (rig.wheel.r, rig.wheel.b) == (0.045, 0.05)
@@ -70,15 +70,15 @@ def test_side_force_is_kept_with_its_noise_at_a_slip_angle(run):
 
 def test_a_good_rig_set_is_told_what_it_holds_and_lacks(run):
     code, out, _ = run("check-data", DATA / "cmu-smooth-wheel", "--json")
-    told = json.loads(out)
+    report = json.loads(out)
     assert code == 0
-    assert told["holds"].startswith("15 runs at 5 levels")
-    assert "used" in told["verdict"]
-    assert any("measured" in finding for finding in told["findings"])
+    assert report["holds"].startswith("15 runs at 5 levels")
+    assert "used" in report["verdict"]
+    assert any("measured" in finding for finding in report["findings"])
 
 
 @pytest.mark.parametrize(
-    ("written", "instead", "told"),
+    ("correct", "instead", "message"),
     [
         ('rover = "nexus6"', 'rover = "nexsu6"', "bad/drive.toml: There is no rover 'nexsu6': did you mean 'nexus6'?"),
         ("ground-0.csv", "grund.csv", "bad/drive.toml: [terrain] names the file 'grund.csv'"),
@@ -86,14 +86,14 @@ def test_a_good_rig_set_is_told_what_it_holds_and_lacks(run):
         ("gear =", "gear = {value = 9, unit = 'deg'} #", "bad/drive.toml: [motor]: 'gear': unit 'deg'"),
     ],
 )
-def test_a_mistake_in_a_log_is_told_by_its_file(run, written, instead, told):
+def test_a_mistake_in_a_log_is_told_by_its_file(run, correct, instead, message):
     shutil.copytree(DATA / "steepening-slope", "bad")
     file = Path("bad/drive.toml")
-    assert written in file.read_text()
-    file.write_text(file.read_text().replace(written, instead))
+    assert correct in file.read_text()
+    file.write_text(file.read_text().replace(correct, instead))
     code, _, err = run("close-loop", "bad")
     assert code == 2
-    assert told in err.splitlines()[-1]
+    assert message in err.splitlines()[-1]
 
 
 def test_a_channel_that_a_set_lacks_is_told_by_its_file(run):
@@ -146,10 +146,10 @@ def test_a_strayed_run_does_not_pass_for_noise(run):
     lines[11] = ",".join([*cells[:2], str(float(cells[2]) + 8.0), cells[3]])
     Path("mine.csv").write_text("\n".join(lines))
     code, out, _ = run("init", "mine.csv", *WHEEL, "--json")
-    told = json.loads(out)
+    report = json.loads(out)
     assert code == 0
     assert read_rig_set("mine").channels[0].sd[0] == pytest.approx(0.4, rel=0.4)
-    assert any("run 11 lies" in finding for finding in told["findings"])
+    assert any("run 11 lies" in finding for finding in report["findings"])
 
 
 def test_what_was_read_is_printed_also_where_the_table_is_refused(run):

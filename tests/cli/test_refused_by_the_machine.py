@@ -109,7 +109,7 @@ def test_a_full_disk_leaves_no_half_of_a_file(tmp_path, monkeypatch):
 
 
 def test_any_other_refusal_of_the_system_is_a_sentence(run, monkeypatch):
-    def full(*given, **named):
+    def full(*value, **named):
         raise OSError(errno.ENOSPC, "No space left on device", "traction.png")
 
     monkeypatch.setattr("rover_pin.plot.traction_figure", full)

@@ -19,7 +19,7 @@ from rover_pin.cli.speaking import speak
 def as_it_was():
     yield
     log = logging.getLogger("rover_pin")
-    log.handlers = [each for each in log.handlers if isinstance(each, logging.NullHandler)]
+    log.handlers = [handler for handler in log.handlers if isinstance(handler, logging.NullHandler)]
     log.setLevel(logging.NOTSET)
 
 
@@ -85,7 +85,7 @@ def asked(variables):
 
 
 @pytest.mark.parametrize(
-    ("words", "found"),
+    ("words", "expected"),
     [
         ("drive di", ["ditch"]),
         ("drive flat --soil fj", ["fjs-1"]),
@@ -108,8 +108,8 @@ def asked(variables):
         ("identify data --set terrain", []),
     ],
 )
-def test_a_shell_completes(words, found):
-    assert sorted(completed(words)) == found
+def test_a_shell_completes(words, expected):
+    assert sorted(completed(words)) == expected
 
 
 def test_bash_and_zsh_are_answered():

@@ -31,21 +31,21 @@ def ground(path, formula, half=(2.0, 1.5), step=0.05):
 
 
 def test_a_map_of_a_plane_is_that_of_drives_up_a_slope(mapped):
-    said, places, drives = mapped(
+    output, places, drives = mapped(
         "cross-slope", "--set", "terrain.angle_deg=10", "--headings", "4", "--box", "3,5,0,0", "--spacing", "2m"
     )  # fmt: skip
     trace = scenario("incline", **{"terrain.angle_deg": 10.0, "start.x": 3.0, "duration": "6.0s"}).drive()
     way = np.linalg.norm([trace[f"body_{axis}"][-1] - trace[f"body_{axis}"][0] for axis in "xyz"])
     rims = np.trapezoid(trace.stack("wheel_rate").mean(axis=1), trace.t) * trace.attrs["wheel_radii_m"][0]
-    assert said["places"].startswith("2 by 1, every 2 m from x = 3 m, y = 0 m")
+    assert output["places"].startswith("2 by 1, every 2 m from x = 3 m, y = 0 m")
     assert np.ptp(places["slip"]) < 1e-4
     assert places["slip"][0] == pytest.approx(1.0 - way / rims, abs=0.01)
     assert places["energy_J_per_m"][0] == pytest.approx(trace["energy_electric"][-1] / way, rel=0.05)
     assert places["slope_deg"].to_numpy() == pytest.approx([10.0, 10.0])
     up = drives.loc[drives["slip"].idxmax()]
     assert np.degrees(up["start.yaw"]) == pytest.approx(90.0)
-    assert said["max_slip"] == up["slip"]
-    assert "no probability" in said["stuck"]
+    assert output["max_slip"] == up["slip"]
+    assert "no probability" in output["stuck"]
 
 
 @pytest.mark.slow
@@ -65,11 +65,11 @@ def test_stuck_models_are_more_the_steeper_it_is(mapped, tmp_path):
     for at, k in enumerate((0.01, 0.03, 0.06)):
         write_model(scenario("flat", **{"soil.k": k}).model, tmp_path / "posterior" / f"{at}.toml")
     ground(tmp_path / "bowl.npz", lambda x, y: 0.2 * (x + 2.0) ** 2 * (x > -2.0), (3.0, 1.0))
-    said, places, drives = mapped(
+    output, places, drives = mapped(
         *("grid", "--set", "terrain.path=bowl.npz", "--model", "posterior", "--headings", "1"),
         *("--box", "-2.3,1.8,0,0", "--spacing", "0.4", "--set", "duration=4"),
     )
-    assert (said["cases"], said["failed"]) == (3 * len(places), 0)
+    assert (output["cases"], output["failed"]) == (3 * len(places), 0)
     shares = places["p_stuck"].to_numpy()
     assert np.all(np.diff(shares) >= 0.0)
     assert (shares[0], shares[-1]) == (0.0, 1.0)
@@ -92,12 +92,12 @@ def test_a_dem_is_mapped_in_its_own_coordinates(mapped, tmp_path):
     profile = {"width": 60, "height": 40, "count": 1, "dtype": "float64", "crs": "EPSG:32633", "transform": transform}
     with rasterio.open(tmp_path / "dem.tif", "w", driver="GTiff", **profile) as file:
         file.write(heights[None])
-    said, places, _ = mapped("grid", "--set", "terrain.path=dem.tif", "--headings", "1", "--spacing", "1")
-    assert said["files"] == ["here/map.csv", "here/map.png", "here/map.tif"]
-    with rasterio.open("here/map.tif") as made:
-        slip, slope = (made.read(1 + made.descriptions.index(name)) for name in ("slip", "slope_deg"))
+    output, places, _ = mapped("grid", "--set", "terrain.path=dem.tif", "--headings", "1", "--spacing", "1")
+    assert output["files"] == ["here/map.csv", "here/map.png", "here/map.tif"]
+    with rasterio.open("here/map.tif") as raster:
+        slip, slope = (raster.read(1 + raster.descriptions.index(name)) for name in ("slip", "slope_deg"))
         for _, place in places.iterrows():
-            at = made.index(300_003.0 + place["x_m"], 4_999_998.0 + place["y_m"])
+            at = raster.index(300_003.0 + place["x_m"], 4_999_998.0 + place["y_m"])
             assert (slip[at], slope[at]) == pytest.approx((place["slip"], place["slope_deg"]))
     assert slip.size == len(places) > 4
 

@@ -31,8 +31,10 @@ class FullShear(oracle.Wheel):
 def bound_gradient(load, soil, wheel, slip_limit=0.2, *angles):
     """The derivatives of both bounds by each input, of the bounds as expressions."""
     x = ca.SX.sym("x", len(INPUTS))
-    W, S, r, b, *rest = ca.vertsplit(x)
-    both = ca.vertcat(*torque_bounds(W, Soil(**dict(zip(SAND.values(), rest, strict=True))), Wheel(r, b), S, *angles))
+    W, S, r, b, *soil_constants = ca.vertsplit(x)
+    both = ca.vertcat(
+        *torque_bounds(W, Soil(**dict(zip(SAND.values(), soil_constants, strict=True))), Wheel(r, b), S, *angles)
+    )
     slopes = ca.Function("slopes", [x], [ca.densify(ca.jacobian(both, x))])
     rows = np.array(slopes([load, slip_limit, *wheel.values().values(), *soil.values().values()]))
     return {name: tuple(row) for name, row in zip(INPUTS, rows.T.tolist(), strict=True)}
@@ -63,9 +65,9 @@ def searched(load, S, soil, kind, wheel=WHEEL):
     ],
 )
 def test_bounds_agree_with_a_search_by_the_oracle(soil, load, S):
-    found = torque_bounds(load, soil, WHEEL, S)
-    assert found.limit == pytest.approx(searched(load, S, soil, oracle.Wheel), rel=1e-10)
-    assert found.saturation == pytest.approx(searched(load, S, soil, FullShear), rel=1e-10)
+    bounds = torque_bounds(load, soil, WHEEL, S)
+    assert bounds.limit == pytest.approx(searched(load, S, soil, oracle.Wheel), rel=1e-10)
+    assert bounds.saturation == pytest.approx(searched(load, S, soil, FullShear), rel=1e-10)
 
 
 def test_the_limit_is_the_greatest_torque_below_the_slip_limit():
@@ -88,7 +90,7 @@ def test_a_lifted_wheel_has_no_torque_and_no_slope(angles):
     both = ca.vertcat(*torque_bounds(W, SAND.replace(c=100.0), WHEEL, 0.2, *more))
     curves = ca.Function("f", [W], [both, ca.jacobian(both, W)])
     for load in (-1.0, -1e-9, 0.0, 1e-12, 1e-9, 1e-6, 1e-3):
-        value, slope = (np.array(each) for each in curves(load))
+        value, slope = (np.array(curve) for curve in curves(load))
         assert np.all(np.isfinite(value))
         assert np.all(np.isfinite(slope))
         assert np.all(value > 0.0) if load > 1e-9 else np.all(value >= 0.0)
@@ -105,10 +107,10 @@ soils = st.builds(
 @settings(max_examples=60)
 @given(soils, st.floats(0.1, 20.0), st.floats(0.02, 1.0))
 def test_bounds_agree_with_the_soils_own_slower_route(soil, load, S):
-    found = torque_bounds(load, soil, WHEEL, S)
-    assert found.saturation == pytest.approx(saturation_torque(load, WHEEL, soil), rel=1e-8)
-    assert found.limit == pytest.approx(torque_at_slip(load, S, WHEEL, soil), rel=1e-7)
-    assert 0.0 < found.limit < found.saturation
+    bounds = torque_bounds(load, soil, WHEEL, S)
+    assert bounds.saturation == pytest.approx(saturation_torque(load, WHEEL, soil), rel=1e-8)
+    assert bounds.limit == pytest.approx(torque_at_slip(load, S, WHEEL, soil), rel=1e-7)
+    assert 0.0 < bounds.limit < bounds.saturation
 
 
 @settings(max_examples=40)
@@ -138,14 +140,14 @@ def test_gradients_are_central_differences(soil, load, S):
 
 
 def test_fixed_angles_give_torque_in_proportion_to_the_load():
-    one, two = (torque_bounds(W, SAND, WHEEL, 0.2, FixedAngles()) for W in (3.0, 6.0))
-    assert two == pytest.approx((2.0 * one.saturation, 2.0 * one.limit), rel=1e-12)
+    single, two = (torque_bounds(W, SAND, WHEEL, 0.2, FixedAngles()) for W in (3.0, 6.0))
+    assert two == pytest.approx((2.0 * single.saturation, 2.0 * single.limit), rel=1e-12)
     real = oracle.Wheel(WHEEL.r, WHEEL.b, SAND.c, SAND.phi, SAND.k, SAND.k_1, SAND.k_2, SAND.n)
     at = real.forces(0.2, SAND.theta_1, SAND.theta_2)
-    assert one.limit == pytest.approx(float(3.0 * at["torque"] / at["f_n"]), rel=1e-10)
+    assert single.limit == pytest.approx(float(3.0 * at["torque"] / at["f_n"]), rel=1e-10)
     full = FullShear(WHEEL.r, WHEEL.b, SAND.c, SAND.phi, SAND.k, SAND.k_1, SAND.k_2, SAND.n)
     at = full.forces(0.2, SAND.theta_1, SAND.theta_2)
-    assert one.saturation == pytest.approx(float(3.0 * at["torque"] / at["f_n"]), rel=1e-10)
+    assert single.saturation == pytest.approx(float(3.0 * at["torque"] / at["f_n"]), rel=1e-10)
 
 
 @pytest.mark.parametrize("angles", [None, FixedAngles()])
@@ -153,12 +155,12 @@ def test_the_prepared_bounds_are_those_of_each_wheel(angles):
     more = () if angles is None else (angles,)
     wheels = [WHEEL, Wheel(r=0.06), WHEEL, Wheel(b=0.08), WHEEL, WHEEL]
     loads = np.array([4.0, 9.0, 0.0, 12.0, 1e-3, 20.0])
-    found = TorqueBounds(wheels, SAND, 0.3, *more)(loads)
+    prepared = TorqueBounds(wheels, SAND, 0.3, *more)(loads)
     for i, (load, wheel) in enumerate(zip(loads, wheels, strict=True)):
-        one = torque_bounds(float(load), SAND, wheel, 0.3, *more)
+        wheel_bounds = torque_bounds(float(load), SAND, wheel, 0.3, *more)
         slope = bound_gradient(float(load), SAND, wheel, 0.3, *more)["load"]
-        assert (found.saturation[i], found.limit[i]) == pytest.approx(one, rel=1e-12, abs=1e-300)
-        assert (found.d_saturation[i], found.d_limit[i]) == pytest.approx(slope, rel=1e-8, abs=1e-300)
+        assert (prepared.saturation[i], prepared.limit[i]) == pytest.approx(wheel_bounds, rel=1e-12, abs=1e-300)
+        assert (prepared.d_saturation[i], prepared.d_limit[i]) == pytest.approx(slope, rel=1e-8, abs=1e-300)
 
 
 @pytest.mark.parametrize("slip_limit", [0.0, -0.1, 1.0001, math.nan])

@@ -107,12 +107,12 @@ SAND = SOILS["literature-sand"].replace(k=0.005)
 
 @pytest.mark.parametrize("slope", [0.0, 12 * DEG, -8 * DEG])
 def test_each_wheel_is_bounded_at_its_own_static_load(slope):
-    found = rover_torque_bounds(ROVER, SAND, slope)
+    bounds = rover_torque_bounds(ROVER, SAND, slope)
     loads = wheel_loads(ROVER, slope)
-    assert found.load == pytest.approx(loads)
-    assert np.sum(found.load) == pytest.approx(ROVER.mass * 9.81 * math.cos(slope))
+    assert bounds.load == pytest.approx(loads)
+    assert np.sum(bounds.load) == pytest.approx(ROVER.mass * 9.81 * math.cos(slope))
     for i, load in enumerate(loads):
-        assert (found.saturation[i], found.limit[i]) == pytest.approx(
+        assert (bounds.saturation[i], bounds.limit[i]) == pytest.approx(
             torque_bounds(float(load), SAND, WHEEL), rel=1e-12
         )
 
@@ -158,9 +158,9 @@ def test_a_slope_on_which_a_wheel_lifts_is_refused_by_name():
 def test_the_slope_that_the_command_says_is_what_drives_climb(settings, capsys):
     """Within 0.7 deg, at full duty from a start on the slope."""
     options = [word for name, value in settings.items() for word in (f"--{name}", value)]
-    with pytest.raises(SystemExit) as ended:
+    with pytest.raises(SystemExit) as exit_info:
         app(["bounds", *options, "--json"])
-    assert ended.value.code == 0
+    assert exit_info.value.code == 0
     climbable = json.loads(capsys.readouterr().out)["climbable_deg"]
 
     def share(slope):

@@ -81,25 +81,25 @@ def test_the_effective_track_balances_friction(make, resistance, tmp_path):
 def test_resistance_above_what_the_soil_holds_is_refused():
     with pytest.raises(ParameterError, match="does not turn by the speeds of its sides"):
         scenario("point-turn", rover="cart", **{"effect.MotionResistance.R": 0.9})
-    given = scenario("point-turn", rover="cart", **{"effect.MotionResistance.R": 0.9, "control.track": 2.0})
-    assert given.controller.track == 2.0
+    case = scenario("point-turn", rover="cart", **{"effect.MotionResistance.R": 0.9, "control.track": 2.0})
+    assert case.controller.track == 2.0
 
 
 @pytest.mark.parametrize("rover", ROVERS)
 def test_compiled_asked_and_plain_steps_hold_the_same_speeds(rover):
-    made = command(rover, yaw_rate=0.05)
-    assert commands_of(made.controller, len(made.model.rover.wheels)) is not None
-    compiled, asked, plain = (
-        drive(made.model, control, 0.5, measure_error=False)
+    speed_command = command(rover, yaw_rate=0.05)
+    assert commands_of(speed_command.controller, len(speed_command.model.rover.wheels)) is not None
+    compiled, called, plain = (
+        drive(speed_command.model, control, 0.5, measure_error=False)
         for drive, control in (
-            (simulate, made.controller),
-            (simulate, lambda reading: made.controller(reading)),
-            (plain_simulate, made.controller),
+            (simulate, speed_command.controller),
+            (simulate, lambda reading: speed_command.controller(reading)),
+            (plain_simulate, speed_command.controller),
         )
-        if made.controller.reset() is None
+        if speed_command.controller.reset() is None
     )
     for channel in compiled.channels:
-        assert compiled[channel].tobytes() == asked[channel].tobytes(), channel
+        assert compiled[channel].tobytes() == called[channel].tobytes(), channel
         assert compiled[channel] == pytest.approx(plain[channel], abs=1e-8, rel=1e-6, nan_ok=True), channel
 
 
@@ -107,12 +107,12 @@ def test_compiled_asked_and_plain_steps_hold_the_same_speeds(rover):
 def test_rates_are_held_up_a_slope_too(scene):
     """Constant duties droop by the load; the integral takes it."""
     name, terrain = scene
-    made = scenario(
+    case = scenario(
         name, rover="cart", control="rates", duration=6.0, **terrain, **{"control.rates": "0.3,0.4,0.5,0.6"}
     )
-    trace = made.drive()
+    trace = case.drive()
     assert trace.stack("wheel_rate")[-1] == pytest.approx([0.3, 0.4, 0.5, 0.6], rel=0.01)
-    assert np.ptp(trace.stack("duty")[-1] - trace.stack("wheel_rate")[-1] / made.controller.omega_0) > 0.1
+    assert np.ptp(trace.stack("duty")[-1] - trace.stack("wheel_rate")[-1] / case.controller.omega_0) > 0.1
 
 
 def reading(rates, duty=0.0):
@@ -132,22 +132,22 @@ def test_the_servo_settles_in_samples_on_a_motor_without_lag():
 
 def test_the_integral_does_not_wind_up_at_the_supply():
     control = HeldSpeeds((1.0,), (), 2.0)
-    held = [float(control(reading([0.0])).duty[0]) for _ in range(400)]
-    assert max(held) == held[-1] == 1.0
+    duties = [float(control(reading([0.0])).duty[0]) for _ in range(400)]
+    assert max(duties) == duties[-1] == 1.0
     assert float(control(reading([1.05])).duty[0]) < 0.95
 
 
 def test_torque_limits_and_the_servos_own_hold_the_duty():
-    made = scenario(
+    case = scenario(
         "incline", rover="cart", control="cmd-vel", duration=3.0, **UPHILL, **{"control.servo.delta_max": 0.5}
     )
-    assert made.drive().stack("duty").max() == 0.5
+    assert case.drive().stack("duty").max() == 0.5
     limit = {"control.limit": "at-slip", "control.slip_limit": 0.05}
-    free, held = (
+    free, limited = (
         scenario("incline", rover="cart", control="cmd-vel", duration=3.0, **UPHILL, **settings).drive()
         for settings in ({}, limit)
     )
-    assert held.stack("duty").max() < free.stack("duty").max() - 0.01
+    assert limited.stack("duty").max() < free.stack("duty").max() - 0.01
 
 
 @pytest.mark.parametrize(("length", "track", "makers"), [(0.512, 0.5708, 1.875), (0.262, 0.37559, 1.5)])
@@ -158,36 +158,36 @@ def test_the_effective_track_is_near_the_makers(length, track, makers, tmp_path)
         farm.wheel(name, "body", f"{0.5 * length * x} {0.5 * track * y} 0", r=0.1)
     rover = load_rover(write(tmp_path, farm, {**TWO_AXLES, "wheel": {"r": 0.1, "b": 0.05}}))
     assert effective_track(rover) / track == pytest.approx(makers, rel=0.04)
-    kept = pd.read_csv(Path(__file__).parents[2] / "studies" / "results" / "public_turns.csv")
-    (shown,) = kept[kept["makers"] == makers]["track_over_B"].round(2).unique()
-    assert shown == round(effective_track(rover) / track, 2), "the page's table"
+    table = pd.read_csv(Path(__file__).parents[2] / "studies" / "results" / "public_turns.csv")
+    (value,) = table[table["makers"] == makers]["track_over_B"].round(2).unique()
+    assert value == round(effective_track(rover) / track, 2), "the page's table"
 
 
 def test_hard_ground_turns_it_little_less_than_commanded():
     """Four wheels of equal load and friction: little above the effective track B (1 + (L / B)^2); shear builds up."""
     easy = {"effect.MotionResistance.R": 0.02, "form": "gross", "control.delta": 0.3}
-    made = scenario("point-turn", rover="cart", duration=10.0, **HARD, **easy)
-    length, track = base_of(made.model.rover)
-    balanced = effective_track(made.model.rover, 0.02 / np.tan(made.model.soils[0].phi))
-    assert made.controller.track == pytest.approx(balanced)
-    assert 1.0 < made.controller.track / (track * (1.0 + (length / track) ** 2)) < 1.02
-    assert 0.75 < driven_yaw_rate(made.drive()) / made.controller.motion.yaw_rate < 1.0
+    case = scenario("point-turn", rover="cart", duration=10.0, **HARD, **easy)
+    length, track = base_of(case.model.rover)
+    balanced = effective_track(case.model.rover, 0.02 / np.tan(case.model.soils[0].phi))
+    assert case.controller.track == pytest.approx(balanced)
+    assert 1.0 < case.controller.track / (track * (1.0 + (length / track) ** 2)) < 1.02
+    assert 0.75 < driven_yaw_rate(case.drive()) / case.controller.motion.yaw_rate < 1.0
 
 
 @pytest.mark.parametrize(("scene", "share"), [("turn", 0.87), ("point-turn", 0.78)])
 def test_sand_turns_it_less_than_hard_ground_does(scene, share):
     soft, hard = (scenario(scene, rover="cart", **ground) for ground in ({}, HARD))
-    on_sand, on_hard = (driven_yaw_rate(made.drive(measure_error=False)) for made in (soft, hard))
+    on_sand, on_hard = (driven_yaw_rate(case.drive(measure_error=False)) for case in (soft, hard))
     commanded = soft.controller.motion.yaw_rate
     assert share * commanded < on_sand < on_hard < commanded
 
 
 def test_what_cannot_be_held_is_refused():
-    made = scenario("flat", rover="cart")
+    case = scenario("flat", rover="cart")
     with pytest.raises(ParameterError, match="rad/s"):
         command("cart", speed=3.0)
     with pytest.raises(ParameterError, match="cannot crab"):
-        HeldSpeeds.of(made.model.rover, made.model.motor, 0.05, crab=0.2)
+        HeldSpeeds.of(case.model.rover, case.model.motor, 0.05, crab=0.2)
     with pytest.raises(ParameterError, match="the limit is 75"):
         command("nexus6", speed=0.01, yaw_rate=0.06)
 
@@ -195,11 +195,11 @@ def test_what_cannot_be_held_is_refused():
 def test_a_rover_that_does_not_follow_says_so(run):
     code, out, _ = run("drive", "point-turn", "--set", "rover=cart", "--set", "duration=4", "--set",
                        "control.track=0.52m", "--json")  # fmt: skip
-    told = json.loads(out)
+    report = json.loads(out)
     assert code == 0
-    assert any("commanded" in line and "control.track" in line for line in told["warnings"])
+    assert any("commanded" in line and "control.track" in line for line in report["warnings"])
     code, out, _ = run("drive", "flat", "--control", "cmd-vel", "--set", "control.yaw_rate=2deg/s", "--json")
     assert code == 0
-    told = json.loads(out)
-    assert "warnings" not in told
-    assert re.fullmatch(r"at [12]\.?\d* deg/s instead of the commanded 2 deg/s", told["turned"]), told["turned"]
+    report = json.loads(out)
+    assert "warnings" not in report
+    assert re.fullmatch(r"at [12]\.?\d* deg/s instead of the commanded 2 deg/s", report["turned"]), report["turned"]

@@ -54,9 +54,9 @@ def test_it_drives_through_the_compiled_loop_and_digs_less():
     drive = {"soil.k": 0.04, "terrain.angle_deg": 9.0, "terrain.start": 0.5, "add": ("DiggingMemory.c_d=0.2",)}
     drive["duration"] = 20.0
     constant = scenario("incline", **drive).drive()
-    made = scenario("incline", **drive, control="true", **{"control.aim": "hole"})
-    held = made.drive()
+    case = scenario("incline", **drive, control="true", **{"control.aim": "hole"})
+    trace = case.drive()
     assert str(constant.attrs["stop"]).startswith("buried")
-    assert held.attrs["stop"] == "duration"
-    assert held["body_x"][-1] > constant["body_x"][-1]
-    assert made.controller.depth.max() > 0.1 * made.model.rover.wheel.r
+    assert trace.attrs["stop"] == "duration"
+    assert trace["body_x"][-1] > constant["body_x"][-1]
+    assert case.controller.depth.max() > 0.1 * case.model.rover.wheel.r

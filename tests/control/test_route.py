@@ -12,8 +12,8 @@ from rover_pin.simulation.command import Reading, Truth
 
 
 def drive(rover, route, **more):
-    made = scenario("flat", rover=rover, control="route", **{"control.route": route, **more})
-    return made, made.drive(measure_error=False)
+    case = scenario("flat", rover=rover, control="route", **{"control.route": route, **more})
+    return case, case.drive(measure_error=False)
 
 
 def off_line(trace, points):
@@ -25,12 +25,12 @@ def off_line(trace, points):
 
 @pytest.mark.parametrize(("rover", "route"), [("nexus6", "1,0 1.5,0.5"), ("cart", "2,0 3,1")])
 def test_it_comes_to_the_end_near_the_line(rover, route):
-    made, trace = drive(rover, route)
+    case, trace = drive(rover, route)
     end = np.array([trace["body_x"][-1], trace["body_y"][-1]])
     assert trace.attrs["warnings"] == []
     assert trace.attrs["outcome"].startswith("held still since")
-    assert math.dist(end, made.controller.points[-1]) < 2.0 * made.controller.reach
-    assert np.max(off_line(trace, made.controller.points)) < 0.2 * made.controller.lookahead
+    assert math.dist(end, case.controller.points[-1]) < 2.0 * case.controller.reach
+    assert np.max(off_line(trace, case.controller.points)) < 0.2 * case.controller.lookahead
 
 
 @pytest.mark.parametrize("slope", [12.0, -12.0])
@@ -46,14 +46,14 @@ def test_it_is_held_at_the_end_on_a_slope(slope):
 
 
 def test_it_is_the_same_asked_as_compiled():
-    made = scenario("flat", rover="cart", control="route", **{"control.route": "1,0.5 1,1"})
-    compiled = simulate(made.model, made.controller, 8.0, measure_error=False)
-    remembered = made.controller.memory.copy()
-    made.controller.reset()
-    asked = simulate(made.model, lambda reading: made.controller(reading), 8.0, measure_error=False)
+    case = scenario("flat", rover="cart", control="route", **{"control.route": "1,0.5 1,1"})
+    compiled = simulate(case.model, case.controller, 8.0, measure_error=False)
+    remembered = case.controller.memory.copy()
+    case.controller.reset()
+    trace = simulate(case.model, lambda reading: case.controller(reading), 8.0, measure_error=False)
     for channel in compiled.channels:
-        assert compiled[channel].tobytes() == asked[channel].tobytes(), channel
-    assert np.array_equal(remembered, made.controller.memory)
+        assert compiled[channel].tobytes() == trace[channel].tobytes(), channel
+    assert np.array_equal(remembered, case.controller.memory)
     assert remembered[0] > 0.3
 
 

@@ -34,8 +34,8 @@ TABLE = SpeedTable((0.0, 0.5, 1.0), (0.0, 0.04, 0.09))
 
 def test_eq_9_by_hand():
     """r omega = 0.045 * 1.2 = 0.054, v_hat(0.55) = 0.045: S_hat = 1 - 0.045 / 0.054."""
-    found = TableEstimate(TABLE, 0.045).slip(reading(0.55, 1.2))
-    assert found == pytest.approx(np.full(6, 1.0 - 0.045 / 0.054))
+    slip = TableEstimate(TABLE, 0.045).slip(reading(0.55, 1.2))
+    assert slip == pytest.approx(np.full(6, 1.0 - 0.045 / 0.054))
 
 
 def test_the_estimate_is_odd_finite_at_rest_and_within_bounds():
@@ -57,12 +57,12 @@ def test_the_pi_law_by_hand():
 
 def driven(control, slips, highest=()):
     """Return duty and integral of the first wheel after each slip; `highest` is the torque limit's duty at each."""
-    told = []
+    readings = []
     for slip, high in itertools.zip_longest(slips, highest, fillvalue=1.0):
         control.limit = Cap(high)
         duty = control(reading(slip=slip)).duty[0]
-        told.append((duty, control.integral[0]))
-    return np.array(told).T
+        readings.append((duty, control.integral[0]))
+    return np.array(readings).T
 
 
 @dataclass(frozen=True)
@@ -85,8 +85,8 @@ def test_duty_and_integral_stay_within_their_limits(slips, caps, k_i):
     assert np.all(duty <= most + 1e-12)
     assert np.all(duty >= np.minimum(0.05, most) - 1e-12)
     # what one period adds, and what e itself asks for, may stand beyond the limits: |e| <= 2
-    beyond = 0.005 + 2.0 * gains.k_p + 2.0 * k_i * 0.05
-    assert np.all((integral < 0.8 - 0.55 + beyond) & (integral > 0.05 - 0.55 - beyond))
+    outside = 0.005 + 2.0 * gains.k_p + 2.0 * k_i * 0.05
+    assert np.all((integral < 0.8 - 0.55 + outside) & (integral > 0.05 - 0.55 - outside))
 
 
 @pytest.mark.parametrize("steps", [10, 100, 2_000])
@@ -120,8 +120,8 @@ def test_the_integral_moves_with_the_error_or_rests(slip, integral, highest, k_p
     step = pi_law(gains, slip, integral, highest)
     share = float(step.rate) / error if abs(error) > 1e-9 else 1.0
     assert -1e-12 <= share <= 1.0 + 1e-12
-    asked = 0.55 + k_p * error + integral
-    if (asked - float(step.duty)) * error <= 0.0:
+    wanted_duty = 0.55 + k_p * error + integral
+    if (wanted_duty - float(step.duty)) * error <= 0.0:
         assert share == pytest.approx(1.0)
 
 
@@ -144,9 +144,9 @@ def test_a_wheel_held_at_the_slip_limit_s_torque_slips_by_that(rover, slip):
     model = scenario("flat", rover=rover, gravity="moon", angles="fixed").model
     loads = wheel_loads(model.rover, math.radians(5.0), gravity=model.gravity)
     torque = TorqueLimit.at_slip(model, slip).torque(-math.radians(5.0))
-    for load, mount, own in zip(loads, model.rover.wheels, torque, strict=True):
+    for load, mount, wheel_torque in zip(loads, model.rover.wheels, torque, strict=True):
         factor = load_traction_factor(slip, model.soils[0], mount.wheel, TorqueTraction())
-        assert own == pytest.approx(float(factor) * float(mount.wheel.r) * load, rel=1e-6)
+        assert wheel_torque == pytest.approx(float(factor) * float(mount.wheel.r) * load, rel=1e-6)
 
 
 def test_the_limit_is_of_the_duty_s_magnitude_and_raises_none():
@@ -166,8 +166,8 @@ def test_any_controller_can_be_limited():
     limited.reset()
     assert control.integral == 0.0
     assert limited(reading(rate=0.0)).duty == pytest.approx(limit.torque(0.0) / float(limit.motor.stall_torque))
-    assert TorqueLimited(lambda told: Command(0.5, 0.3), NoLimit())(reading()) == Command(0.5, 0.3)
-    assert TorqueLimited(lambda told: 1.0, limit)(reading(rate=0.0)).duty == pytest.approx(
+    assert TorqueLimited(lambda reading_now: Command(0.5, 0.3), NoLimit())(reading()) == Command(0.5, 0.3)
+    assert TorqueLimited(lambda reading_now: 1.0, limit)(reading(rate=0.0)).duty == pytest.approx(
         limit.duty(reading(rate=0.0))
     )
 
@@ -205,15 +205,15 @@ def test_the_slope_that_a_slip_limit_holds(S, degrees):
 def test_torque_limit_alone_prevents_the_slip_that_digs():
     """Up a slope beyond T_lim's the wheels turn at S_lim or less, where constant duty spins them; no slip is sensed."""
     slope = {"terrain.angle_deg": 7.0, "terrain.start": -2.0, "soil.k": 0.05, "duration": 8.0}
-    free, held = (
+    free, limited = (
         scenario("incline", soil="table-1", control=control, **slope).drive() for control in ("none", "limit")
     )
     late = free.t > 3.0
     assert np.mean(free.stack("slip")[late]) > LOST_SLIP + 0.1
     limit = scenario("incline", soil="table-1", control="limit", **slope).controller.limit
-    most = np.array([limit.torque(pitch) for pitch in held["body_pitch"][late]])
-    assert np.all(held.stack("torque")[late] < 1.02 * most)
-    assert np.mean(held.stack("slip")[late]) < LOST_SLIP + 0.1
+    most = np.array([limit.torque(pitch) for pitch in limited["body_pitch"][late]])
+    assert np.all(limited.stack("torque")[late] < 1.02 * most)
+    assert np.mean(limited.stack("slip")[late]) < LOST_SLIP + 0.1
 
 
 @dataclass(frozen=True)
@@ -247,5 +247,5 @@ class Pessimist:
 
 def test_an_estimate_of_a_user_s_own_holds_in_a_drive():
     gains = Gains()
-    told = simulate(scenario("flat", soil="table-1").model, SlipControl(gains, Pessimist()), 2.0).stack("duty")[-1]
-    assert told == pytest.approx(gains.delta_min)
+    last_duty = simulate(scenario("flat", soil="table-1").model, SlipControl(gains, Pessimist()), 2.0).stack("duty")[-1]
+    assert last_duty == pytest.approx(gains.delta_min)

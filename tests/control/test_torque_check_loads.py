@@ -44,24 +44,24 @@ class ByLinks:
         by_links = driven_loads(self.rover, q, float(motor.constant) * reading.current, *footing(self.rover, q))
         by_pitch = wheel_loads(self.rover, -reading.attitude[1], gravity=self.model.gravity)
         normal = np.where(reading.truth.normal > 0.2, reading.truth.normal, np.nan)
-        self.errors.append([each / normal - 1.0 for each in (by_pitch, by_links)])
+        self.errors.append([estimate / normal - 1.0 for estimate in (by_pitch, by_links)])
         most = self.bounds(np.maximum(by_links, 0.0)).limit / float(motor.stall_torque)
         return Command(np.clip(most + reading.wheel_rate / float(motor.no_load_rate), 0.0, 0.55))
 
 
 @pytest.mark.parametrize(
-    "name", ["incline", *(pytest.param(each, marks=pytest.mark.slow) for each in DRIVES if each != "incline")]
+    "name", ["incline", *(pytest.param(drive, marks=pytest.mark.slow) for drive in DRIVES if drive != "incline")]
 )
 def test_loads_at_the_pitch_err_as_stated_with_the_same_outcome(name):
     scene, settings, expected = DRIVES[name]
     drive = scenario(scene, soil="table-1", control="limit", duration=20.0, **settings)
     by_pitch, by_links = drive.drive(), ByLinks(drive.model)
-    other = simulate(drive.model, by_links, 20.0, drive.start, drive.timing, symmetric=drive.symmetric)
+    trace = simulate(drive.model, by_links, 20.0, drive.start, drive.timing, symmetric=drive.symmetric)
     off = np.sqrt(np.nanmean(np.square(by_links.errors[SETTLED:]), axis=(0, 2)))
     assert off == pytest.approx(expected, rel=0.15, abs=0.005)
-    first, second = (each.attrs["outcome"].split(" ")[0] for each in (by_pitch, other))
+    first, second = (driven.attrs["outcome"].split(" ")[0] for driven in (by_pitch, trace))
     assert first == second
-    assert other["body_x"][-1] == pytest.approx(by_pitch["body_x"][-1], abs=0.12)
+    assert trace["body_x"][-1] == pytest.approx(by_pitch["body_x"][-1], abs=0.12)
 
 
 def test_beyond_forty_degrees_the_limit_is_that_of_forty():
@@ -105,7 +105,7 @@ def test_a_measured_drive_has_it():
 
 def test_eq_9s_table_is_that_of_the_driven_model():
     plain, moon, firm = (
-        scenario("flat", soil="table-1", **each).model for each in ({}, {"gravity": "moon"}, {"soil.k": 0.005})
+        scenario("flat", soil="table-1", **changes).model for changes in ({}, {"gravity": "moon"}, {"soil.k": 0.005})
     )
     speeds = [float(flat_table(model).speed_at(np.array(0.55))) for model in (plain, moon, firm)]
     assert speeds[0] == pytest.approx(0.05, abs=1e-3)

@@ -33,8 +33,8 @@ def test_a_rig_scatters_as_it_says(tmp_path):
     plain, deep = (read_rig_set(tmp_path / name) for name in ("plain", "deep"))
     for channel in plain.channels:
         levels = [channel.measured[plain.levels == level] for level in np.unique(plain.levels)]
-        assert all(len(each) == 3 for each in levels)
-        assert np.sqrt(np.mean([np.var(each, ddof=1) for each in levels])) == pytest.approx(channel.sd[0], rel=0.35)
+        assert all(len(level) == 3 for level in levels)
+        assert np.sqrt(np.mean([np.var(level, ddof=1) for level in levels])) == pytest.approx(channel.sd[0], rel=0.35)
     fast = plain.slip > 0.6
     assert np.mean(deep.channels[2].measured[fast]) > 1.5 * np.mean(plain.channels[2].measured[fast])
 
@@ -51,10 +51,10 @@ def test_slopes_are_those_that_the_rover_climbs(tmp_path, rover):
 
 
 def test_a_drive_log_is_as_long_and_as_varied_as_the_loop_needs(tmp_path):
-    made = drive_log.write(tmp_path / "log", "WeakMotor.wheel=mr,g=0.3", 0)
+    demo = drive_log.write(tmp_path / "log", "WeakMotor.wheel=mr,g=0.3", 0)
     log = read_drive_log(tmp_path / "log")
     assert len(log.runs) == drive_log.RUNS
-    assert made.truth["hidden"].startswith("WeakMotor")
+    assert demo.truth["hidden"].startswith("WeakMotor")
     assert not [name for name in log.runs[0].channels if name.startswith(("slip_", "sinkage_", "normal_"))]
     np.testing.assert_array_equal(log.runs[0]["duty_fl"], log.runs[4]["duty_fl"])
     assert np.std(log.runs[0]["body_x"] - log.runs[4]["body_x"]) > 0.0
@@ -68,14 +68,18 @@ def test_motors_and_tracker_of_a_synthetic_drive_are_imperfect(tmp_path):
             exact.setattr(drive_log, name, 0.0)
         drive_log.write(tmp_path / "ideal", "nothing", 0)
     real, ideal = (read_drive_log(tmp_path / name).runs for name in ("real", "ideal"))
-    wandered = np.array([one["body_y"] - other["body_y"] for one, other in zip(real, ideal, strict=True)])
+    wandered = np.array(
+        [real_run["body_y"] - ideal_run["body_y"] for real_run, ideal_run in zip(real, ideal, strict=True)]
+    )
     assert 2e-4 < np.std(wandered[:, -20:].mean(axis=1) - wandered[:, :20].mean(axis=1)) < 2e-2
-    ratio = np.mean([one["wheel_rate_ml"] for one in real]) / np.mean([one["wheel_rate_ml"] for one in ideal])
+    ratio = np.mean([real_run["wheel_rate_ml"] for real_run in real]) / np.mean(
+        [real_run["wheel_rate_ml"] for real_run in ideal]
+    )
     assert 1e-4 < abs(ratio - 1.0) < 0.04
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("nonsense",), "demo 'nonsense'"),
         (("rig", "--hidden", "SupplySag"), "SupplySag"),
@@ -84,10 +88,10 @@ def test_motors_and_tracker_of_a_synthetic_drive_are_imperfect(tmp_path):
         (("slip-slope", "--rover", "gone"), "rover 'gone'"),
     ],
 )
-def test_impossible_demos_are_refused_in_one_sentence(run, tmp_path, words, said):
+def test_impossible_demos_are_refused_in_one_sentence(run, tmp_path, words, message):
     code, _, err = run("demo", *words)
     assert (code, err.count("\n")) == (2, 1)
-    assert said in err
+    assert message in err
     assert not list(tmp_path.iterdir())
 
 

@@ -17,8 +17,8 @@ RATE = plain_candidate(RateDependence())
 
 
 def test_a_cause_of_unknown_shape_has_it_within_a_decade():
-    known, doubted = RATE.cause.parameters
-    assert (known.name, known.prior) == (SIZE, True)
+    parameter, doubted = RATE.cause.parameters
+    assert (parameter.name, parameter.prior) == (SIZE, True)
     assert (doubted.name, doubted.prior, doubted.log) == (SHAPE, True, True)
     assert [doubted.value(u) for u in (-2.0, -1.0, 0.0, 1.0, 2.0)] == pytest.approx([1e-4, 1e-3, 0.01, 0.1, 1.0])
     assert RATE.cause.amplitudes == {SIZE}

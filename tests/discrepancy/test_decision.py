@@ -35,9 +35,9 @@ def hypothesis(text, noise):
 def beliefs(text, noise=(1.0, 1.0)):
     """Sets with their probabilities, as "A .7 AB .2 - .1": `-` is nothing."""
     words = text.split()
-    made = Beliefs(tuple(hypothesis(word, noise) for word in words[::2]), 5)
-    made.__dict__["scores"] = np.log(np.array(words[1::2], dtype=float))
-    return made
+    belief_set = Beliefs(tuple(hypothesis(word, noise) for word in words[::2]), 5)
+    belief_set.__dict__["scores"] = np.log(np.array(words[1::2], dtype=float))
+    return belief_set
 
 
 @pytest.mark.parametrize(
@@ -64,14 +64,16 @@ def test_probabilities_decide(text, answer, retained):
 
 
 def test_nothing_stands_last_in_a_set_that_it_may_be():
-    made = beliefs("- .4 A .35 AB .25")
-    assert decide(made).sets == (("A",), ())
-    assert "A (0.60) or nothing (0.40)" in sentence(decide(made), made, 0.8, 1.0)
+    belief_set = beliefs("- .4 A .35 AB .25")
+    assert decide(belief_set).sets == (("A",), ())
+    assert "A (0.60) or nothing (0.40)" in sentence(decide(belief_set), belief_set, 0.8, 1.0)
 
 
 def test_where_no_family_leads_it_says_how_likely_anything_is():
-    made = beliefs("- .4 A .3 B .3")
-    assert "probability 0.60: A (0.30) or B (0.30) or nothing (0.40)" in sentence(decide(made), made, 0.0, 1.0)
+    belief_set = beliefs("- .4 A .3 B .3")
+    assert "probability 0.60: A (0.30) or B (0.30) or nothing (0.40)" in sentence(
+        decide(belief_set), belief_set, 0.0, 1.0
+    )
 
 
 @pytest.mark.parametrize("text", ["A .99 - .01", "A .6 B .39 - .01", "A .9 - .1"])
@@ -88,7 +90,7 @@ def test_small_and_loud_are_said_of_one_noise():
     for hypothesis_ in both.hypotheses:
         hypothesis_.leaves_more = False
         hypothesis_.experiment = SimpleNamespace(noise=lambda: None)
-    said = sentence(decide(both), both, 0.8, 1.0)
+    statement = sentence(decide(both), both, 0.8, 1.0)
     assert decide(both).answer is Answer.NONE_NEEDED
-    assert "smaller than" in said
-    assert re.search(r"3\.8 times .*sinkage", said)
+    assert "smaller than" in statement
+    assert re.search(r"3\.8 times .*sinkage", statement)

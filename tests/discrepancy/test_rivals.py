@@ -35,8 +35,8 @@ def test_chance_is_students_t_of_the_ratios(seed):
     """Against scipy's test of one sample, about where half of the draws pass."""
     ratios = np.random.default_rng(seed).normal(-0.5, 0.5, 6)
     (row,) = curve({"pull": 4.0 * np.exp(ratios)})
-    known = ttest_1samp(ratios, 0.0)
-    assert is_sure(score("pull", [4.0] * 6, floor=0.1), row) is bool(known.pvalue < 0.05 and ratios.mean() < 0.0)
+    is_known = ttest_1samp(ratios, 0.0)
+    assert is_sure(score("pull", [4.0] * 6, floor=0.1), row) is bool(is_known.pvalue < 0.05 and ratios.mean() < 0.0)
 
 
 def test_what_is_below_the_noise_counts_as_the_noise():
@@ -82,10 +82,10 @@ def test_what_is_on_no_list_stays_the_answer():
 
 def test_folds_that_only_one_model_predicts_are_not_compared():
     """What the second loses keeps both from being compared; what only the first loses counts for neither."""
-    without, found, lost = np.array([9.0, 7.0, 5.0]), np.array([3.0, 6.0, 1.0]), np.array([np.nan, 0.0, 0.0])
-    assert fall_of(without, found) == 11.0
-    assert fall_of(without + lost, found) == fall_of(without + lost, found + lost) == 5.0
-    assert np.isnan(fall_of(without, found + lost))
+    without, with_effect, lost = np.array([9.0, 7.0, 5.0]), np.array([3.0, 6.0, 1.0]), np.array([np.nan, 0.0, 0.0])
+    assert fall_of(without, with_effect) == 11.0
+    assert fall_of(without + lost, with_effect) == fall_of(without + lost, with_effect + lost) == 5.0
+    assert np.isnan(fall_of(without, with_effect + lost))
 
 
 def verdict(**more):

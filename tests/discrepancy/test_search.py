@@ -85,10 +85,10 @@ def test_places_share_the_prior_of_their_kind():
     base = toys.fitted(experiment)
     rows = signatures(base, [toys.candidate(name) for name in [*names, "q"]])
     alone = singles(base, rows)
-    patch, other = options(base, rows)
+    patch, second = options(base, rows)
     assert patch.candidate.name == "Patch@7"
     assert patch.log_places == pytest.approx(logsumexp(alone[:12]) - math.log(12) - alone[:12].max())
-    assert (other.candidate.name, other.log_places) == ("q", 0.0)
+    assert (second.candidate.name, second.log_places) == ("q", 0.0)
     search = Search(base)
     beliefs = search.run(rows)
     assert beliefs.choice == 2
@@ -98,10 +98,10 @@ def test_places_share_the_prior_of_their_kind():
 
 def test_many_places_are_no_more_probable_than_one():
     """Of ten sets of noise, each with the best of ten places."""
-    said = [
+    probabilities = [
         toys.searched(toys.made(places(10), seed=seed, shape=(3, 1, 20)), places(10)).beliefs() for seed in range(10)
     ]
-    assert np.mean([1.0 - beliefs.sets[frozenset()] for beliefs in said]) < 0.25, "beforehand a half"
+    assert np.mean([1.0 - beliefs.sets[frozenset()] for beliefs in probabilities]) < 0.25, "beforehand a half"
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,8 +131,8 @@ def test_an_edge_is_moved_until_it_gains_no_more():
     shape = (3, 2, 201)
     columns = {"base": draw.normal(size=shape)}
     empty = Sliding(np.zeros(shape), columns)
-    shown = empty.sum_of(toys.Model().having(toys.Effect("Patch@0.55", 0.8)))
-    experiment = Sliding(shown + draw.normal(size=shape), columns)
+    drawn_values = empty.sum_of(toys.Model().having(toys.Effect("Patch@0.55", 0.8)))
+    experiment = Sliding(drawn_values + draw.normal(size=shape), columns)
     search = toys.searched(experiment, ["Patch@0.400", "Patch@0.700"])
     (patch,) = [rows[0] for names, rows in search.fitted.items() if names]
     effect = dict(patch.model.records)["Patch"]
@@ -193,20 +193,20 @@ def test_a_set_is_ended_only_while_it_is_likely(monkeypatch):
     search = replace(
         toys.searched(toys.made(NAMES), NAMES), fitted={large: [], small: []}, finished=set(), parted=set()
     )
-    ended = []
+    ended_sets = []
 
     def end(self, names):
-        ended.append(names)
+        ended_sets.append(names)
         self.finished.add(names)
 
     def beliefs(self):
-        return SimpleNamespace(sets={small: 0.99, large: 0.01} if ended else {large: 0.5, small: 0.5})
+        return SimpleNamespace(sets={small: 0.99, large: 0.01} if ended_sets else {large: 0.5, small: 0.5})
 
     monkeypatch.setattr(Search, "_end", end)
     monkeypatch.setattr(Search, "beliefs", beliefs)
     while search._end_likely():
-        assert len(ended) < 3
-    assert ended == [small]
+        assert len(ended_sets) < 3
+    assert ended_sets == [small]
 
 
 def test_a_candidate_that_moves_nothing_is_no_option():
@@ -273,12 +273,12 @@ def test_a_jump_tells_no_slope_and_makes_no_cause():
     """Slopes of 2,000 in one block made the base model's numbers so sure that any cause beside them was likelier."""
     for seed in range(2):
         steady, jumping = (toys.made(NAMES, seed=seed, size=12.0, of=kind) for kind in (toys.Sums, Jumping))
-        base, same = toys.fitted(steady), toys.fitted(jumping)
-        assert not same.slopes["base.b"][2, :, 7].any()
+        base, fitted = toys.fitted(steady), toys.fitted(jumping)
+        assert not fitted.slopes["base.b"][2, :, 7].any()
         others = np.ones(toys.SHAPE, dtype=bool)
         others[2, :, 7] = False
-        assert same.slopes["base.b"][others] == pytest.approx(base.slopes["base.b"][others], rel=1e-4)
-        assert same.spread == pytest.approx(base.spread, rel=0.1)
+        assert fitted.slopes["base.b"][others] == pytest.approx(base.slopes["base.b"][others], rel=1e-4)
+        assert fitted.spread == pytest.approx(base.spread, rel=0.1)
         none = toys.searched(jumping, NAMES).beliefs().sets[frozenset()]
         assert none == pytest.approx(toys.searched(steady, NAMES).beliefs().sets[frozenset()], abs=0.1)
 
@@ -362,8 +362,8 @@ def drawn(seed, names):
     true = [names[at] for at in draw.permutation(len(names))[:count]]
     parts = [linear_causes.size(draw) * toy.columns[name] for name in true]
     scale = linear_causes.NOISE * math.exp(PRIORS["s"].sd * draw.normal())
-    shown = draw.normal() * toy.columns["base"] + sum(parts) + scale * draw.normal(size=toy.sd.shape)
-    return toys.Sums(shown, toy.columns, linear_causes.NOISE), true
+    observed = draw.normal() * toy.columns["base"] + sum(parts) + scale * draw.normal(size=toy.sd.shape)
+    return toys.Sums(observed, toy.columns, linear_causes.NOISE), true
 
 
 def answered(seed, names):

@@ -27,8 +27,8 @@ def started(candidate, amplitudes, u, share=1.0):
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_refit_starts_within_the_bounds(sign):
     size = 0.9 * (BOUNDS.high if sign > 0 else -BOUNDS.low) or 0.5
-    found = started(RATE, {SIZE: sign * size}, 1.5)[SIZE]
-    assert found == (BOUNDS.high if sign > 0 else BOUNDS.low)
+    initial = started(RATE, {SIZE: sign * size}, 1.5)[SIZE]
+    assert initial == (BOUNDS.high if sign > 0 else BOUNDS.low)
 
 
 # --- what is moved ---------------------------------------------------------------------------------------------------
@@ -37,8 +37,8 @@ def test_a_refit_starts_within_the_bounds(sign):
 def test_signatures_are_what_default_sizes_move():
     experiment = toys.made("pq", seed=2)
     base = toys.fitted(experiment)
-    found = signatures(base, [toys.candidate(name) for name in "pq"])
-    for name, row in zip("pq", found, strict=True):
+    signature_list = signatures(base, [toys.candidate(name) for name in "pq"])
+    for name, row in zip("pq", signature_list, strict=True):
         assert row.candidate.name == name
         assert row.shift == pytest.approx(experiment.columns[name], abs=1e-9)
         assert row.column == pytest.approx(SIZE_SD * row.shift)
@@ -70,9 +70,9 @@ def test_a_freed_number_moves_by_its_slope():
     """What the base has fitted already is its own signature, over the size of the released number."""
     experiment = toys.made("p", {"p": 0.5}, seed=4)
     model = toys.Model().having(toys.Effect("p", 0.0))
-    known = replace(toys.NUMBER, name="p.a", scale=0.25)
-    base = fit(Task(experiment, experiment.noise()), model, [known])
-    released = Candidate("p", toys.Effect("p"), ("p.a",), released=known)
+    is_known = replace(toys.NUMBER, name="p.a", scale=0.25)
+    base = fit(Task(experiment, experiment.noise()), model, [is_known])
+    released = Candidate("p", toys.Effect("p"), ("p.a",), released=is_known)
     (row,) = signatures(base, [released])
     assert row.shift == pytest.approx(experiment.columns["p"], abs=1e-9)
     assert (row.amplitudes, row.moved) == ({"p.a": 1.0}, "p.a")

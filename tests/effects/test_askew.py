@@ -40,7 +40,7 @@ def settled(effects, contact):
     states = []
     for effect in effects:
         rates = [effect.rate(contact, Load(), (at,)) if effect.states else () for at in (0.0, 1.0)]
-        states.append(tuple(zero / (zero - one) for zero, one in zip(*rates, strict=True)))
+        states.append(tuple(zero / (zero - rate_at_one) for zero, rate_at_one in zip(*rates, strict=True)))
     return states
 
 
@@ -58,10 +58,10 @@ def test_straight_it_is_equations_1_to_7(u):
     S = contact_at(u, 0.0).S
     assert tuple(map(float, against_travel(S, 0.0))) == pytest.approx((S, 0.0), rel=1e-15, abs=1e-15)
     expected = wheel_forces(S, *SinkageAngles().angles(0.02, WHEEL, SAND), WHEEL, SAND, 12)
-    found = pushed(u, 0.0, (*BASE, FlankPressure()))
-    assert found.f_t == pytest.approx(min(float(expected.f_t), (1 + min(S, 0)) * expected.torque / 0.0625), rel=1e-12)
-    assert (found.f_n, found.torque) == pytest.approx((float(expected.f_n), float(expected.torque)), rel=1e-12)
-    assert (found.f_y, found.moment_z) == (0.0, 0.0)
+    forces = pushed(u, 0.0, (*BASE, FlankPressure()))
+    assert forces.f_t == pytest.approx(min(float(expected.f_t), (1 + min(S, 0)) * expected.torque / 0.0625), rel=1e-12)
+    assert (forces.f_n, forces.torque) == pytest.approx((float(expected.f_n), float(expected.torque)), rel=1e-12)
+    assert (forces.f_y, forces.moment_z) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("u", U)
@@ -104,8 +104,8 @@ def test_forces_and_their_slopes_go_on_across_rolling(degrees):
 @pytest.mark.parametrize("u", [0.3, 1.0, 2.0])
 def test_forces_and_their_slopes_go_on_across_straight(u):
     """f_t, f_n and torque are even in the slip angle with no corner, f_y and M_z odd with one slope."""
-    near, straight = pushed(u, 0.05), pushed(u, 0.0)
-    assert near.f_y == pytest.approx(0.5 * pushed(u, 0.1).f_y, rel=2e-2)
+    nearly_straight, straight = pushed(u, 0.05), pushed(u, 0.0)
+    assert nearly_straight.f_y == pytest.approx(0.5 * pushed(u, 0.1).f_y, rel=2e-2)
     for name in ("f_t", "f_n", "torque"):
         once, twice = (getattr(pushed(u, degrees), name) - getattr(straight, name) for degrees in (0.05, 0.1))
         assert twice == pytest.approx(4 * once, rel=0.1, abs=1e-6), "a corner would double"

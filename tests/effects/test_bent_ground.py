@@ -28,17 +28,17 @@ CHORD = 0.07 * 1.2 / 3072
 def rise(x):
     """The height at x by quadrature of the slope, straight between the knots."""
     tan = np.tan([0.0, *SLOPES, 0.0])
-    stops = [one for one in KNOTS if -0.2 < one < x]
+    stops = [knot for knot in KNOTS if -0.2 < knot < x]
     return quad(lambda at: np.interp(at, KNOTS, tan, 0.0, 0.0), -0.2, x, points=stops or None)[0] if x > -0.2 else 0.0
 
 
 @pytest.mark.parametrize("ground", [shapes.flat(), HeightGrid(-3.0, -2.0, 0.5, 1.0, np.zeros((13, 5)))])
 def test_the_rise_is_the_integral_of_the_slope(ground):
-    made = FLAT.replace(terrain=ground).having(BEND).ground
+    bent = FLAT.replace(terrain=ground).having(BEND).ground
     for x in (-1.0, -0.2, 0.0, 0.13, 0.41, 0.8, 1.0, 2.5):
-        assert made.height(x, 0.3) == pytest.approx(rise(x), abs=CHORD if isinstance(ground, Lanes) else 4 * CHORD)
-    assert made.gradient(0.4, 0.0)[0] == pytest.approx(math.tan(0.05), abs=0.07 / 16)
-    assert made.gradient(-0.7, 0.0)[0] == made.gradient(1.6, 0.0)[0] == 0.0
+        assert bent.height(x, 0.3) == pytest.approx(rise(x), abs=CHORD if isinstance(ground, Lanes) else 4 * CHORD)
+    assert bent.gradient(0.4, 0.0)[0] == pytest.approx(math.tan(0.05), abs=0.07 / 16)
+    assert bent.gradient(-0.7, 0.0)[0] == bent.gradient(1.6, 0.0)[0] == 0.0
 
 
 def test_what_lies_on_the_ground_is_lifted_and_keeps_its_soil():
@@ -49,27 +49,27 @@ def test_what_lies_on_the_ground_is_lifted_and_keeps_its_soil():
     grid = HeightGrid(-1.0, -1.0, 0.6, 1.0, np.outer(np.arange(4.0), [0.1, 0.2, 0.0]), np.arange(6).reshape(3, 2))
     x = np.linspace(-0.99, 0.75, 177)
     for ground in (lanes, grid):
-        made = bend_terrain(ground, *BEND.bend())
+        bent = bend_terrain(ground, *BEND.bend())
         for y in (-0.5, 0.5):
-            assert made.ground_at(x, y) == pytest.approx(ground.ground_at(x, y))
-            wanted = ground.height(x, y) + np.array([rise(float(one)) for one in x])
-            assert made.height(x, y) == pytest.approx(wanted, abs=4 * CHORD if ground is grid else CHORD)
+            assert bent.ground_at(x, y) == pytest.approx(ground.ground_at(x, y))
+            wanted = ground.height(x, y) + np.array([rise(float(place)) for place in x])
+            assert bent.height(x, y) == pytest.approx(wanted, abs=4 * CHORD if ground is grid else CHORD)
 
 
 @pytest.mark.parametrize(("dx", "lines"), [(0.1, 21), (0.25, 17), (0.5, 17)])
 def test_grid_gets_no_more_lines_than_the_closest_bend_needs(dx, lines):
     """0.125 m apart at their closest: none between lines 0.1 m apart, one between 0.25, three between 0.5 m."""
     places, lift = [3.0, 3.5, 3.625, 4.0], [0.0, 0.01, 0.02, 0.03]
-    made = bend_terrain(HeightGrid(2.5, -1.0, dx, 2.0, np.zeros((round(2.0 / dx) + 1, 2))), places, lift)
-    assert made.z.shape == (lines, 2)
-    assert made.height(4.2, 0.0) == pytest.approx(0.03)
+    terrain = bend_terrain(HeightGrid(2.5, -1.0, dx, 2.0, np.zeros((round(2.0 / dx) + 1, 2))), places, lift)
+    assert terrain.z.shape == (lines, 2)
+    assert terrain.height(4.2, 0.0) == pytest.approx(0.03)
 
 
 def test_a_drive_over_it_is_one_over_the_same_ground_declared():
     x = np.linspace(-0.2, 1.0, 601)
-    same = FLAT.replace(terrain=Lanes((Profile(x, [rise(float(one)) for one in x]),)))
+    unchanged = FLAT.replace(terrain=Lanes((Profile(x, [rise(float(place)) for place in x]),)))
     there, back = (
-        [simulate(model, ConstantDuty(0.6), 8.0, Start(x=at, yaw=yaw)) for model in (FLAT.having(BEND), same)]
+        [simulate(model, ConstantDuty(0.6), 8.0, Start(x=at, yaw=yaw)) for model in (FLAT.having(BEND), unchanged)]
         for at, yaw in ((0.1, 0.0), (0.7, math.pi))
     )
     for bended, declared in (there, back):
@@ -88,22 +88,22 @@ def test_without_slopes_the_ground_is_the_declared_one(tmp_path):
 
 
 def test_a_grid_far_larger_than_the_bend_is_refused():
-    far = HeightGrid(-1e4, -1.0, 1e4, 2.0, np.zeros((3, 2)))
+    grid = HeightGrid(-1e4, -1.0, 1e4, 2.0, np.zeros((3, 2)))
     with pytest.raises(ParameterError, match=r"2400003.*20000"):
-        bend_terrain(far, *BEND.replace(length=0.4).bend())
+        bend_terrain(grid, *BEND.replace(length=0.4).bend())
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.0, math.pi])
 def test_a_shared_rest_stands_as_a_rover_set_down_on_a_bend(yaw):
     """It began where the declared ground was: a rise of 28 mm buried wheels at once, and no fit went past that."""
-    start, rest = Start(0.5, 0.1, yaw), shared_rest(FLAT, Start(0.5, 0.1, yaw))
+    start, rest_state = Start(0.5, 0.1, yaw), shared_rest(FLAT, Start(0.5, 0.1, yaw))
     climbing = FLAT.having(BentGround(0.04, 0.04, 0.04, 0.04, 0.04, x_from=-0.7, length=2.4))
-    moved, settled = taken_over(climbing, rest), settled_state(climbing, start)
-    assert settled.q[2] - rest.q[2] == pytest.approx(0.04, abs=0.002)
+    over, settled = taken_over(climbing, rest_state), settled_state(climbing, start)
+    assert settled.q[2] - rest_state.q[2] == pytest.approx(0.04, abs=0.002)
     assert np.hypot(*roll_pitch_yaw(settled.q)[:2]) == pytest.approx(0.04, abs=0.005)
-    assert moved.q[:3] == pytest.approx(settled.q[:3], abs=3e-4)
-    assert roll_pitch_yaw(moved.q) == pytest.approx(roll_pitch_yaw(settled.q), abs=2e-3)
-    assert (taken_over(FLAT, rest).q == rest.q).all()
+    assert over.q[:3] == pytest.approx(settled.q[:3], abs=3e-4)
+    assert roll_pitch_yaw(over.q) == pytest.approx(roll_pitch_yaw(settled.q), abs=2e-3)
+    assert (taken_over(FLAT, rest_state).q == rest_state.q).all()
 
 
 def test_a_replay_from_a_rest_on_level_ground_drives_on_the_bend():

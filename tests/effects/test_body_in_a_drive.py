@@ -44,21 +44,21 @@ def with_all(name):
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_the_compiled_step_is_the_plain_one(name):
-    made = with_all(name)
-    state = settled_state(made, Start(x=0.1, yaw=0.2))
-    kernel = Kernel(made, state, 0.005, symmetric=False)
+    model = with_all(name)
+    state = settled_state(model, Start(x=0.1, yaw=0.2))
+    kernel = Kernel(model, state, 0.005, symmetric=False)
     kernel.duty[:], kernel.servo_target[:] = np.linspace(0.5, 0.9, 6), [0.1, 0.12, -0.1, -0.12]
     for k in range(1200):
         if k % 60:
             assert kernel.step() == 0
             continue
-        other = state.copy()
-        plain = PlainStepper(made, other, 0.005, symmetric=False)
+        plain_state = state.copy()
+        plain = PlainStepper(model, plain_state, 0.005, symmetric=False)
         plain.duty[:], plain.servo_target[:], plain.energy[:] = kernel.duty, kernel.servo_target, kernel.energy
         plain.record[:] = kernel.record
         assert (plain.step(), kernel.step()) == (0, 0)
-        assert other.q == pytest.approx(state.q, abs=1e-11)
-        assert other.v == pytest.approx(state.v, abs=1e-9)
+        assert plain_state.q == pytest.approx(state.q, abs=1e-11)
+        assert plain_state.v == pytest.approx(state.v, abs=1e-9)
         assert plain.record == pytest.approx(kernel.record, rel=1e-8, abs=1e-8)
         assert plain.energy == pytest.approx(kernel.energy, rel=1e-9, abs=1e-10)
         assert plain.differential == pytest.approx(kernel.differential, rel=1e-8, abs=1e-9)
@@ -101,7 +101,7 @@ def test_a_rover_without_a_suspension_can_be_dragged():
     """The cart has no joints but its wheels'."""
     flat = scenario("flat").model
     cart = flat.replace(rover=load_rover("cart"))
-    free, dragged = (simulate(each, ConstantDuty(0.6), 2.0) for each in (cart, cart.having(TetherDrag(f_0=3.0))))
+    free, dragged = (simulate(model, ConstantDuty(0.6), 2.0) for model in (cart, cart.having(TetherDrag(f_0=3.0))))
     assert dragged["body_x"][-1] < free["body_x"][-1]
     assert dragged.energy_error() < 1e-3
 
@@ -131,7 +131,7 @@ def test_a_tilt_is_a_slope():
     """On a bed tilted by a, all is as on the flat bed's slope of a: loads, slip, sinkage, speed, power."""
     angle = math.radians(4.0)
     slope = FLAT.replace(terrain=shapes.incline(angle, -3.0))
-    traces = [simulate(each, ConstantDuty(0.6), 10.0) for each in (slope, FLAT.having(GravityTilt(rise_x=angle)))]
+    traces = [simulate(model, ConstantDuty(0.6), 10.0) for model in (slope, FLAT.having(GravityTilt(rise_x=angle)))]
     for name in ("slip_fl", "normal_rl", "normal_fr", "tangential_ml", "sinkage_rr", "wheel_rate_fl", "current_mr_A"):
         assert traces[1][name][-1] == pytest.approx(traces[0][name][-1], rel=2e-3), name
     along = [trace["body_x"][-1] - trace["body_x"][0] for trace in traces]

@@ -43,16 +43,19 @@ def test_combined_shear_replaces_a_share_of_the_straight_forces(patch, form, ang
     wheel, soil = Wheel(r=0.06, b=0.04), Soil(c=200.0, k=0.008, exit_ratio=0.2)
     contact = patch(S=-0.3, S_y=0.25, h=0.009, wheel=wheel, soil=soil)
     straight = SoilTraction(form, angles).load(contact, Load(), ()).plus(Load(f_y=0.7, moment_z=0.03))
-    found = straight.plus(CombinedShear(share=share, form=form, angles=angles).load(contact, straight, ()))
+    plus = straight.plus(CombinedShear(share=share, form=form, angles=angles).load(contact, straight, ()))
     arc = angles.angles(0.009, wheel, soil)
     sheared = combined_forces(-0.3, 0.25 / 0.7, arc, wheel, soil, NODES)
     f_n = straight.f_n if isinstance(angles, FixedAngles) else sheared.along.f_n
     along = sheared.along._replace(f_t=sheared.along.f_t + sheared.along.compaction * 0.0025 / 1.0025)
     per_load = (form.factor(along, wheel, -0.3), sheared.f_y / sheared.along.f_n, 1.0)
     turning = (sheared.along.torque / sheared.along.f_n, sheared.moment / sheared.along.f_n)
-    combined = [f_n * each for each in (*per_load, *turning)]
-    expected = [(1 - share) * one + share * other for one, other in zip(straight, combined, strict=True)]
-    assert list(found) == pytest.approx(expected, rel=1e-9)
+    combined = [f_n * component for component in (*per_load, *turning)]
+    expected = [
+        (1 - share) * straight_part + share * combined_part
+        for straight_part, combined_part in zip(straight, combined, strict=True)
+    ]
+    assert list(plus) == pytest.approx(expected, rel=1e-9)
 
 
 WHEEL = Wheel(r=0.0625, b=0.06)
@@ -88,8 +91,8 @@ def test_full_pressure_is_the_integral_over_the_buried_segment(patch, h, c, phi)
         return (1 / math.tan(X) + math.tan(X + math.radians(phi))) * (c * depth(x) + 13000.0 * area)
 
     most = quad(pressure, -half, half)[0]
-    found = side_force(patch, 1e3, h, c, share=1.0, k_f=0.01, gamma=13000.0, phi_f=math.radians(phi))
-    assert found == pytest.approx(-most, rel=1e-4)
+    force = side_force(patch, 1e3, h, c, share=1.0, k_f=0.01, gamma=13000.0, phi_f=math.radians(phi))
+    assert force == pytest.approx(-most, rel=1e-4)
 
 
 def test_it_opposes_the_sideways_motion_and_builds_up_with_it(patch):

@@ -43,11 +43,11 @@ def test_a_slow_wheel_pays_what_a_fast_one_pays(patch, effect, x, S, v, short):
 def test_wheels_that_spin_in_their_holes_stand(angle):
     """Their holes hold with 0.4 of the load, Table 1's soil pulls with 0.18 less the slope: they crept at 1.2 mm/s."""
     settings = {"buried": 0.9, "terrain.angle_deg": angle}
-    made = scenario("incline", soil="table-1", duration=30.0, add="DiggingMemory", **settings)
-    trace = made.drive()
+    case = scenario("incline", soil="table-1", duration=30.0, add="DiggingMemory", **settings)
+    trace = case.drive()
     late = trace.t > trace.t[-1] - 5.0
     assert float(np.mean(trace.stack("wheel_rate")[late])) * 0.045 > 0.02
     assert abs(float(np.mean(trace.stack("travel")[late]))) < 1e-4
     assert trace.attrs["warnings"] == []
-    half = dataclasses.replace(made, timing=made.timing.with_half_step()).drive()
+    half = dataclasses.replace(case, timing=case.timing.with_half_step()).drive()
     assert half["body_x"][-1] == pytest.approx(trace["body_x"][-1], abs=1e-4)

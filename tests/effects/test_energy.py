@@ -24,11 +24,11 @@ KINDS = [kind for kind in effect_kinds() if not kind.before_slip and kind not in
 def drawn(kind, rng):
     """An effect with every size anywhere within its bounds, those of many decades by their logarithm."""
     values = {}
-    for name, about in quantities(kind()).items():
+    for name, quantity in quantities(kind()).items():
         default = float(getattr(kind(), name))
-        wide = default > 0.0 and about.high > 20.0 * default
-        value = default * 10 ** rng.uniform(-1, 1) if wide else rng.uniform(about.low, about.high)
-        values[name] = min(max(value, about.low), about.high)
+        wide = default > 0.0 and quantity.high > 20.0 * default
+        value = default * 10 ** rng.uniform(-1, 1) if wide else rng.uniform(quantity.low, quantity.high)
+        values[name] = min(max(value, quantity.low), quantity.high)
     return kind(**values)
 
 
@@ -103,12 +103,12 @@ def test_resistance_holds_a_turning_wheel_but_for_a_small_creep(patch, v_0):
 
 def test_a_rover_stands_on_slopes_that_its_resistance_holds():
     """Table 1, torque form: F(1) - R = tan 8.8 deg, F(1) = tan 10.3 deg; at 9.5 deg it used to creep at 1.9 mm/s."""
-    made = scenario("incline", soil="table-1", duration=60.0, **{"terrain.angle_deg": 9.5})
-    effect = made.model.effect(MotionResistance)
-    grip = load_traction_factor(1.0, made.model.soils[0], Wheel(), FORMS["torque"])
+    case = scenario("incline", soil="table-1", duration=60.0, **{"terrain.angle_deg": 9.5})
+    effect = case.model.effect(MotionResistance)
+    grip = load_traction_factor(1.0, case.model.soils[0], Wheel(), FORMS["torque"])
     x = (grip - math.tan(math.radians(9.5))) / effect.R
     assert 0.3 < x < 0.7
-    trace = made.drive()
+    trace = case.drive()
     late = trace.t > trace.t[-1] - 5.0
     rim = 0.045 * float(np.mean(trace.stack("wheel_rate")[late]))
     creep = float(np.mean(trace.stack("travel")[late]))

@@ -23,8 +23,8 @@ def found(kind):
     classes = set()
     for module in pkgutil.iter_modules(rover_pin.effects.__path__):
         members = inspect.getmembers(importlib.import_module(f"rover_pin.effects.{module.name}"), inspect.isclass)
-        classes |= {each for _, each in members if issubclass(each, kind) and each is not kind}
-    return sorted(classes, key=lambda each: each.__name__)
+        classes |= {member for _, member in members if issubclass(member, kind) and member is not kind}
+    return sorted(classes, key=lambda member: member.__name__)
 
 
 CONTACT_EFFECTS, MOTOR_EFFECTS, BODY_EFFECTS = found(Effect), found(MotorEffect), found(BodyEffect)
@@ -65,9 +65,9 @@ def drawn(kind, rng):
     """The effect with each finite-bounded parameter drawn near its default, inside the bounds."""
     effect = kind()
     changes = {}
-    for name, about in quantities(effect).items():
+    for name, quantity in quantities(effect).items():
         value = float(getattr(effect, name)) * rng.uniform(0.7, 1.3)
-        changes[name] = min(max(value, about.low), about.high)
+        changes[name] = min(max(value, quantity.low), quantity.high)
     return effect.replace(**changes)
 
 
@@ -80,8 +80,8 @@ def test_floats_equal_symbols(kind):
         symbols = {name: ca.SX.sym(name) for name in (*Contact._fields[:9], *quantities(effect))}
         xs = tuple(ca.SX.sym(f"x{i}") for i in range(len(x)))
         symbolic = effect.replace(**{name: symbols[name] for name in quantities(effect)})
-        moved = contact._replace(**{name: symbols[name] for name in Contact._fields[:9]})
-        out = ca.Function("f", [*symbols.values(), *xs], [ca.vertcat(*map(ca.SX, act(symbolic, moved, xs)))])
+        shifted = contact._replace(**{name: symbols[name] for name in Contact._fields[:9]})
+        out = ca.Function("f", [*symbols.values(), *xs], [ca.vertcat(*map(ca.SX, act(symbolic, shifted, xs)))])
         values = [*contact[:9], *(float(getattr(effect, name)) for name in quantities(effect)), *x]
         assert np.array(out(*values)).ravel() == pytest.approx(
             [float(v) for v in act(effect, contact, x)], rel=1e-12, abs=1e-14
@@ -103,12 +103,15 @@ def test_neutral_values_change_nothing(kind):
         assert [float(v) for v in neutral.load(amended, before, x)] == pytest.approx([0.0] * 5, abs=1e-15)
 
 
-def chain_of(own):
+def chain_of(effect):
     """A slip law, the paper's traction, and the effect: after them, or in the place of the one it stands for."""
-    if type(own).__name__ == "AlgebraicSlip":
-        return [own, SoilTraction()]
-    chain = [own if type(own) is type(each) else each for each in (RelaxedSlip(), SoilTraction())]
-    return chain if own in chain else [*chain, own]
+    if type(effect).__name__ == "AlgebraicSlip":
+        return [effect, SoilTraction()]
+    chain = [
+        effect if type(effect) is type(default_effect) else default_effect
+        for default_effect in (RelaxedSlip(), SoilTraction())
+    ]
+    return chain if effect in chain else [*chain, effect]
 
 
 @pytest.mark.parametrize("kind", CONTACT_EFFECTS, ids=lambda kind: kind.__name__)
@@ -121,10 +124,10 @@ def test_the_law_in_two_parts_is_the_whole_law(kind):
         geometry = [getattr(contact, name) for name in GEOMETRY]
         constants = numbers([drawn(Wheel, rng), drawn(Soil, rng)])
         states = rng.uniform(-0.5, 0.5, law.numel_in(1))
-        whole = np.array(law([*geometry, *constants], states, parameters))
+        whole_law = np.array(law([*geometry, *constants], states, parameters))
         parts = np.array(split.during(geometry, states, split.before(constants, parameters)))
-        assert np.all(np.isfinite(whole))
-        assert parts == pytest.approx(whole, rel=1e-13, abs=1e-300)
+        assert np.all(np.isfinite(whole_law))
+        assert parts == pytest.approx(whole_law, rel=1e-13, abs=1e-300)
 
 
 @pytest.mark.parametrize("kind", CONTACT_EFFECTS, ids=lambda kind: kind.__name__)
@@ -184,7 +187,7 @@ def test_body_effect_vanishes_at_neutral_and_stays_finite(kind):
     assert (tuple(neutral.ballast()), neutral.rise(), neutral.frees_differential) == ((0, 0, 0), (0, 0), False)
     for body in bodies(rng, 30):
         assert pushed(neutral, body) == pytest.approx([0.0] * 11, abs=1e-15)
-        changes = {name: rng.choice([about.low, about.high]) for name, about in quantities(kind).items()}
+        changes = {name: rng.choice([quantity.low, quantity.high]) for name, quantity in quantities(kind).items()}
         assert np.all(np.isfinite(pushed(kind(**changes), body)))
 
 
@@ -211,7 +214,7 @@ BASE = scenario("incline", **{"terrain.angle_deg": 4.0, "terrain.start": -3.0}).
 
 def added_effects():
     """Return every effect that has neutral values and is not in the base model."""
-    present = {type(each) for each in (*BASE.contact_effects, *BASE.motor_effects)}
+    present = {type(contact_effect) for contact_effect in (*BASE.contact_effects, *BASE.motor_effects)}
     for module in pkgutil.iter_modules(rover_pin.effects.__path__):
         members = inspect.getmembers(importlib.import_module(f"rover_pin.effects.{module.name}"), inspect.isclass)
         for _, kind in members:

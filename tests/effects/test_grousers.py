@@ -40,5 +40,5 @@ def test_torque_is_the_moment_of_the_shear_at_the_lugs(patch, S):
 
 def test_lugs_pull_more_at_the_same_slip(patch):
     amended = EFFECT.amend(patch(), ())
-    plain, lugged = (SoilTraction().load(each, Load(), ()) for each in (patch(), amended))
+    plain, lugged = (SoilTraction().load(contact, Load(), ()) for contact in (patch(), amended))
     assert float(lugged.plus(EFFECT.load(amended, lugged, ())).f_t) > 1.05 * float(plain.f_t)

@@ -21,7 +21,7 @@ from rover_pin.simulation.stepping.timing import Timing
 def test_the_level_by_hand():
     rates = (0.5, -0.5, 0.02, 0.0)
     body = Body(*[0.0] * 12, (0.0,) * 4, rates, rates)
-    torques = [float(each) for each in PivotFriction(tau_c=0.03, b=0.01, w_s=0.02).push(body).joints]
+    torques = [float(joint) for joint in PivotFriction(tau_c=0.03, b=0.01, w_s=0.02).push(body).joints]
     assert torques == pytest.approx([-0.035, 0.035, -0.03 * math.tanh(1.0) - 0.0002, 0.0], rel=1e-9)
 
 
@@ -42,11 +42,11 @@ def test_a_bogie_that_was_hit_comes_to_rest_and_stays():
     """Without friction it goes on turning, up to its stop; with it the rate only falls, however short the step."""
     flat = scenario("flat").model
     free, nothing, _ = falling(flat, 0.3)
-    held, taken, state = falling(flat.having(PivotFriction(tau_c=0.5, b=0.0)), 0.3)
+    angle, taken, state = falling(flat.having(PivotFriction(tau_c=0.5, b=0.0)), 0.3)
     assert free[-1] > 0.5
     assert nothing == 0.0
-    assert held[-1] < 1e-3
-    assert np.all(np.diff(held) <= 1e-5)
+    assert angle[-1] < 1e-3
+    assert np.all(np.diff(angle) <= 1e-5)
     assert 0.0 < taken < 0.5
     assert abs(state.q[8]) < 0.05
 
@@ -54,7 +54,8 @@ def test_a_bogie_that_was_hit_comes_to_rest_and_stays():
 def test_it_takes_energy_over_a_bump_and_lags_the_bogie():
     model = scenario("one-sided-bump").model
     free, rubbing = (
-        simulate(each, ConstantDuty(0.55), 12.0) for each in (model, model.having(PivotFriction(tau_c=0.1)))
+        simulate(model_built, ConstantDuty(0.55), 12.0)
+        for model_built in (model, model.having(PivotFriction(tau_c=0.1)))
     )
     assert np.all(np.diff(rubbing["energy_body"]) >= -1e-12)
     assert rubbing["energy_body"][-1] > 1e-3
@@ -144,7 +145,7 @@ def test_torque_and_energy_by_hand(joint, meant):
     body = Body(*[0.0] * 12, angles, rates, rates, names=NAMES)
     spring = SpringDamper(k_s=2.0, d=0.1, q_0=0.05, joint=joint)
     torques = np.array([-0.15, 0.5, 0.35, -0.6]) * meant
-    assert [float(each) for each in spring.push(body).joints] == pytest.approx(torques)
+    assert [float(joint) for joint in spring.push(body).joints] == pytest.approx(torques)
     assert float(spring.stored_energy(body)) == pytest.approx(np.dot(meant, [0.0025, 0.0625, 0.0225, 0.0625]))
 
 
@@ -212,9 +213,9 @@ def over_a_hard_bump():
 def test_energy_is_held_and_given_back_and_never_made(over_a_hard_bump):
     """The bump bends the springs, they are straight again behind it, and what dampers take only grows."""
     trace = over_a_hard_bump["soft"]
-    held, lost = trace["energy_elastic"], trace["energy_body"] - trace["energy_elastic"]
-    assert held.max() > 0.05
-    assert held[-1] < 1e-3
+    stored, lost = trace["energy_elastic"], trace["energy_body"] - trace["energy_elastic"]
+    assert stored.max() > 0.05
+    assert stored[-1] < 1e-3
     assert np.all(np.diff(lost) >= -1e-12)
     assert lost[-1] > 0.01
     assert trace.energy_error() < 1e-5

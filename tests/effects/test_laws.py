@@ -113,8 +113,8 @@ def test_a_wheel_in_the_air_has_no_side_force_and_finite_slopes(patch):
     contact = patch(S_y=S_y, soil=Soil(c=0.0))
     f_y = SideShear().load(contact, Load(f_n=f_n), ()).f_y
     slopes = ca.Function("slopes", [f_n, S_y], [f_y, ca.jacobian(f_y, ca.vertcat(f_n, S_y))])
-    for each in slopes(0.0, 0.2):
-        assert all(math.isfinite(value) for value in each.full().ravel())
+    for slope in slopes(0.0, 0.2):
+        assert all(math.isfinite(value) for value in slope.full().ravel())
     assert float(slopes(0.0, 0.2)[0]) == pytest.approx(0.0, abs=1e-10)
 
 

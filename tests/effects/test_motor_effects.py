@@ -108,9 +108,9 @@ TIMES, CURRENT = np.array([0.0, 0.1, 0.2]), np.array([0.0, 0.5, -2.0])
 
 def test_counts_are_the_current_times_a_scale_and_a_zero():
     effect = RawCurrent(scale=200.0, offset=512.0, motor="rr", channel="adc_4")
-    found = effect.read(TIMES, {"current_rr_A": CURRENT, "current_fl_A": 7.0 * CURRENT})
-    assert list(found) == ["adc_4"]
-    assert found["adc_4"] == pytest.approx([512.0, 612.0, 112.0])
+    reading = effect.read(TIMES, {"current_rr_A": CURRENT, "current_fl_A": 7.0 * CURRENT})
+    assert list(reading) == ["adc_4"]
+    assert reading["adc_4"] == pytest.approx([512.0, 612.0, 112.0])
 
 
 def test_what_a_sensor_misreads_can_be_undone():
@@ -128,7 +128,10 @@ def test_what_a_sensor_misreads_can_be_undone():
 
 def test_it_comes_before_the_slip(patch):
     model = scenario("flat").model.having(WheelScale(e=0.1))
-    assert [type(each).__name__ for each in model.contact_effects][:2] == ["WheelScale", "RelaxedSlip"]
+    assert [type(contact_effect).__name__ for contact_effect in model.contact_effects][:2] == [
+        "WheelScale",
+        "RelaxedSlip",
+    ]
     contact = AlgebraicSlip().amend(WheelScale(e=0.1).amend(patch(rim=0.05, v_x=0.033), ()), ())
     assert float(contact.S) == pytest.approx(1.0 - 0.033 / 0.055)
 
@@ -144,7 +147,7 @@ def test_the_lever_is_the_true_one(patch):
 def test_speed_follows_the_rim(e):
     """On the flat, v = (1 + e) r omega (1 - S) with the slip that the soil asks for, near that of the plain wheel."""
     flat = scenario("flat").model
-    plain, scaled = (simulate(each, ConstantDuty(0.55), 6.0) for each in (flat, flat.having(WheelScale(e=e))))
+    plain, scaled = (simulate(model, ConstantDuty(0.55), 6.0) for model in (flat, flat.having(WheelScale(e=e))))
     rim = (1.0 + e) * 0.045 * scaled["wheel_rate_ml"][-1]
     assert scaled["body_vx"][-1] == pytest.approx(rim * (1.0 - scaled["slip_ml"][-1]), rel=1e-4)
     assert scaled["slip_ml"][-1] == pytest.approx(plain["slip_ml"][-1], abs=0.2 * abs(e))

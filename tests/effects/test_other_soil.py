@@ -133,11 +133,11 @@ def test_the_deeper_rut_is_paid_for_once(patch, effect, S, angles, form):
     contact = effect.amend(SoilTraction(form, angles).amend(patch(S=S, v_x=5.0), ()), ())
     soil = patch().soil
     once = float(sinking_resistance(0.006, contact.wheel, soil.replace(n=1.3), soil))
-    here = float(effect.load(contact, Load(f_n=9.0), ()).f_t)
+    value = float(effect.load(contact, Load(f_n=9.0), ()).f_t)
     assert once > 0.05
-    assert here == pytest.approx(0.0 if (form.name, angles) == ("net", SinkageAngles()) else -once, rel=1e-5)
+    assert value == pytest.approx(0.0 if (form.name, angles) == ("net", SinkageAngles()) else -once, rel=1e-5)
     backwards = contact._replace(v_x=-5.0)
-    assert float(effect.load(backwards, Load(f_n=9.0), ()).f_t) == pytest.approx(-here, rel=1e-5, abs=1e-12)
+    assert float(effect.load(backwards, Load(f_n=9.0), ()).f_t) == pytest.approx(-value, rel=1e-5, abs=1e-12)
 
 
 def test_wheel_that_sinks_with_slip_climbs_no_better():

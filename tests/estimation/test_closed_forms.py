@@ -39,7 +39,7 @@ class Line(Experiment):
         self.observed, self.bent = observed, bent
 
     def predict(self, models):
-        return np.array([(one.a**2 if self.bent else one.a) * X[0] + one.b * X[1] for one in models])
+        return np.array([(model.a**2 if self.bent else model.a) * X[0] + model.b * X[1] for model in models])
 
     def records(self, model):
         return {"plane": model}
@@ -52,10 +52,12 @@ class ExactLine(Line, Differentiable):
     """The same, that tells its slopes."""
 
     def sensitivities(self, model, parameters, u):
-        here = self.with_values(model, {one.name: one.value(x) for one, x in zip(parameters, u, strict=True)})
-        by = {"plane.a": X[0] * (2.0 * here.a if self.bent else 1.0), "plane.b": X[1]}
-        slopes = [by[one.name] * one.slope(x) for one, x in zip(parameters, u, strict=True)]
-        return Sensitivities(self.predict([here])[0], np.array(slopes))
+        model_at_u = self.with_values(
+            model, {parameter.name: parameter.value(x) for parameter, x in zip(parameters, u, strict=True)}
+        )
+        by = {"plane.a": X[0] * (2.0 * model_at_u.a if self.bent else 1.0), "plane.b": X[1]}
+        slopes = [by[parameter.name] * parameter.slope(x) for parameter, x in zip(parameters, u, strict=True)]
+        return Sensitivities(self.predict([model_at_u])[0], np.array(slopes))
 
 
 def number(name, sd=1.0, low=-100.0, high=100.0, prior=True, origin=0.0, declared=True):
@@ -74,38 +76,40 @@ def made(exact=False, bent=False, sd=0.5, noise=0.5, a=1.0, b=-2.0, seed=1):
 
 def matrix(task, parameters):
     """Rows of the weighted problem with the priors, and its right side."""
-    scale = np.array([one.scale for one in parameters])
+    scale = np.array([parameter.scale for parameter in parameters])
     sd = task.noise.sd[0]
-    columns = np.array([X["ab".index(one.name[-1])].ravel() for one in parameters]).T * scale / sd
-    known = np.eye(len(parameters))[[one.prior for one in parameters]]
-    return np.vstack([columns, known]), np.append(task.experiment.observed.ravel() / sd, np.zeros(len(known)))
+    columns = np.array([X["ab".index(parameter.name[-1])].ravel() for parameter in parameters]).T * scale / sd
+    is_known = np.eye(len(parameters))[[parameter.prior for parameter in parameters]]
+    return np.vstack([columns, is_known]), np.append(task.experiment.observed.ravel() / sd, np.zeros(len(is_known)))
 
 
 @pytest.mark.parametrize("exact", [False, True])
 def test_a_linear_fit_is_least_squares_with_the_priors_as_rows(exact):
     task = made(exact)
-    found = fit(task, Plane(), BOTH)
+    fitted = fit(task, Plane(), BOTH)
     A, y = matrix(task, BOTH)
     u, *_ = np.linalg.lstsq(A, y, rcond=None)
-    assert found.u == pytest.approx(u, abs=1e-6)
-    rest = y - A @ u
-    assert found.chi2 == pytest.approx(float(rest @ rest), rel=1e-9)
-    assert found.freedom == FOLDS * SAMPLES - 1, "b alone has no prior"
-    assert fit(task, Plane(), tuple(replace(one, prior=False) for one in BOTH)).freedom == FOLDS * SAMPLES - 2
-    assert found.misfit == pytest.approx(float(rest[:-1] @ rest[:-1]) / 59, rel=1e-9)
-    assert found.covariance == pytest.approx(np.linalg.inv(A.T @ A), rel=1e-6)
-    assert found.value("plane.b") == pytest.approx(2.0 * u[1])
-    assert found.columns == pytest.approx(-A[:-1], rel=1e-9)
-    assert found.task.columns([]).shape == (60, 0)
+    assert fitted.u == pytest.approx(u, abs=1e-6)
+    residual = y - A @ u
+    assert fitted.chi2 == pytest.approx(float(residual @ residual), rel=1e-9)
+    assert fitted.freedom == FOLDS * SAMPLES - 1, "b alone has no prior"
+    assert (
+        fit(task, Plane(), tuple(replace(parameter, prior=False) for parameter in BOTH)).freedom == FOLDS * SAMPLES - 2
+    )
+    assert fitted.misfit == pytest.approx(float(residual[:-1] @ residual[:-1]) / 59, rel=1e-9)
+    assert fitted.covariance == pytest.approx(np.linalg.inv(A.T @ A), rel=1e-6)
+    assert fitted.value("plane.b") == pytest.approx(2.0 * u[1])
+    assert fitted.columns == pytest.approx(-A[:-1], rel=1e-9)
+    assert fitted.task.columns([]).shape == (60, 0)
 
 
 @pytest.mark.parametrize("exact", [False, True])
 def test_a_fit_of_no_numbers_is_the_model_as_it_is(exact):
     """As where a profile holds the only number."""
     task = made(exact)
-    found = fit(task, Plane(1.0, -2.0), ())
-    assert found.u.shape == (0,)
-    assert found.chi2 == pytest.approx(huber(task.rows(X[0] - 2.0 * X[1])))
+    fitted = fit(task, Plane(1.0, -2.0), ())
+    assert fitted.u.shape == (0,)
+    assert fitted.chi2 == pytest.approx(huber(task.rows(X[0] - 2.0 * X[1])))
 
 
 def test_sd_is_widened_by_misfit_or_taken_from_stretches():
@@ -117,19 +121,19 @@ def test_sd_is_widened_by_misfit_or_taken_from_stretches():
         task = made(noise=noise, seed=seed)
         task.experiment.observed = task.experiment.observed + shared * common * np.sign(X[0])
         task = replace(task, noise=replace(task.noise, inflation=1.7))
-        found = fit(task, Plane(), BOTH)
+        fitted = fit(task, Plane(), BOTH)
         A, y = matrix(task, BOTH)
-        rows, H = y[:-1] - A[:-1] @ found.u, found.covariance
+        rows, H = y[:-1] - A[:-1] @ fitted.u, fitted.covariance
         weight = np.minimum(1.0, 4.0 / np.abs(rows))
         inner, groups = np.diag([1.0, 0.0]), FOLDS * pieces
         for fold in range(FOLDS):
             for piece in range(pieces):
-                own = [fold * SAMPLES + at for at in range(SAMPLES) if at // STRETCH == piece]
-                g = sum(A[i] * weight[i] * rows[i] for i in own)
+                rows_of_piece = [fold * SAMPLES + at for at in range(SAMPLES) if at // STRETCH == piece]
+                g = sum(A[i] * weight[i] * rows[i] for i in rows_of_piece)
                 inner = inner + np.outer(g, g) * groups / (groups - 1)
-        plain = np.diag(H) * 1.7 * max(found.misfit, 1.0)
+        plain = np.diag(H) * 1.7 * max(fitted.misfit, 1.0)
         sandwich = np.diag(H @ inner @ H)
-        assert found.spread == pytest.approx(np.sqrt(np.maximum(plain, sandwich)), rel=1e-5)
+        assert fitted.spread == pytest.approx(np.sqrt(np.maximum(plain, sandwich)), rel=1e-5)
         assert (sandwich > plain).any() or not shared
 
 
@@ -140,8 +144,8 @@ def test_slopes_that_are_wrong_are_computed_again():
     wrong = {name: -values for name, values in true.slopes.items()}
     assert fit(task, Plane(), BOTH, slopes=wrong).u == pytest.approx(true.u, abs=1e-6)
     assert fit(task, Plane(), BOTH, slopes=wrong, stale=True).u == pytest.approx(true.u, abs=1e-6)
-    kept = fit(task, Plane(), BOTH, slopes=wrong, reuse=True)
-    assert kept.u == pytest.approx(np.zeros(2)), "with reuse given slopes stay as they are"
+    fitted = fit(task, Plane(), BOTH, slopes=wrong, reuse=True)
+    assert fitted.u == pytest.approx(np.zeros(2)), "with reuse given slopes stay as they are"
 
 
 STRAYS = np.array([0.0, 3.9, -3.9, 4.1, -4.1, 12.0, -40.0])
@@ -154,9 +158,9 @@ def test_exact_rows_square_to_robust_chi2_and_match_its_slopes():
     for u in (np.array([0.9, -1.1]), np.array([-0.4, 0.7])):
         point = problem.evaluate(u)
         rows = point.rows
-        here = task.rows(point.predicted)
-        assert (np.abs(here) > 4.0).sum() > 2
-        assert rows @ rows == pytest.approx(huber(here) + u[0] ** 2, rel=1e-12)
+        rows_at_point = task.rows(point.predicted)
+        assert (np.abs(rows_at_point) > 4.0).sum() > 2
+        assert rows @ rows == pytest.approx(huber(rows_at_point) + u[0] ** 2, rel=1e-12)
         assert len(rows) == 61
         slopes = [(problem.evaluate(u + h).rows - problem.evaluate(u - h).rows) / 2e-6 for h in 1e-6 * np.eye(2)]
         assert point.jacobian == pytest.approx(np.array(slopes).T, abs=1e-6)
@@ -181,9 +185,9 @@ def test_runs_are_laid_end_to_end_for_what_channels_share():
     two = noise_of(residual, np.ones((2, 2, 30), dtype=bool), np.zeros(2))
     joined, good = np.zeros((1, 2, 61)), np.ones((1, 2, 61), dtype=bool)
     joined[0, :, :30], joined[0, :, 31:], good[0, :, 30] = residual[0], residual[1], False
-    one = noise_of(joined, good, np.zeros(2))
+    noise = noise_of(joined, good, np.zeros(2))
     for name in ("sd", "rho", "mixing"):
-        assert getattr(two, name) == pytest.approx(getattr(one, name), rel=1e-9), name
+        assert getattr(two, name) == pytest.approx(getattr(noise, name), rel=1e-9), name
 
 
 @pytest.mark.parametrize("misfit", [0.5, 1.5])
@@ -193,14 +197,14 @@ def test_profile_of_a_linear_fit_is_a_parabola_in_noise_units(misfit):
     exact = X[0] - 2.0 * X[1]
     task.experiment.observed = exact + np.clip(task.experiment.observed - exact, -1.2, 1.2)  # no stray
     task = replace(task, noise=replace(task.noise, inflation=1.7))
-    found = fit(task, Plane(), BOTH)
-    assert (found.misfit > 1.0) is (misfit > 1.0)
-    for name, one in zip("ab", profiles(found, ("plane.a", "plane.b")), strict=True):
+    fitted = fit(task, Plane(), BOTH)
+    assert (fitted.misfit > 1.0) is (misfit > 1.0)
+    for name, profile in zip("ab", profiles(fitted, ("plane.a", "plane.b")), strict=True):
         at = "ab".index(name)
-        half, var = 1.959964 * found.spread[at], found.covariance[at, at]
+        half, var = 1.959964 * fitted.spread[at], fitted.covariance[at, at]
         off = half * np.array([-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5])
-        assert one.values == pytest.approx(BOTH[at].scale * (found.u[at] + off), rel=1e-6)
-        assert one.rises == pytest.approx(off**2 / var / 1.7 / max(found.misfit, 1.0), rel=1e-4, abs=1e-6)
+        assert profile.values == pytest.approx(BOTH[at].scale * (fitted.u[at] + off), rel=1e-6)
+        assert profile.rises == pytest.approx(off**2 / var / 1.7 / max(fitted.misfit, 1.0), rel=1e-4, abs=1e-6)
 
 
 def change(before, after, low, high, floor=0.0):
@@ -208,7 +212,7 @@ def change(before, after, low, high, floor=0.0):
 
 
 @pytest.mark.parametrize(
-    ("made", "outcome"),
+    ("example", "outcome"),
     [
         (change(1.24, 1.24 * 0.9, -0.2, -0.05, 1.0), Outcome.AT_FLOOR),
         (change(1.24, 1.26, 0.01, 0.03, 1.0), Outcome.WORSE),
@@ -223,8 +227,8 @@ def change(before, after, low, high, floor=0.0):
         (change(1.0, 1.0, 0.1, 0.2), Outcome.NONE),
     ],
 )
-def test_a_floor_of_any_size_counts_in_its_own_measure(made, outcome):
-    assert made.outcome is outcome
+def test_a_floor_of_any_size_counts_in_its_own_measure(example, outcome):
+    assert example.outcome is outcome
     assert change(0.0, 1.0, 0.0, 0.0).share == 0.0
 
 
@@ -236,12 +240,12 @@ def test_contradictory_correlations_are_made_positive_definite():
         at = slice(14 * part, 14 * part + 12)
         residual[0, i, at], residual[0, j, at] = signs, sign * signs
         good[0, [i, j], at] = True
-    found = noise_of(residual, good, np.zeros(3))
+    noise = noise_of(residual, good, np.zeros(3))
     correlation = np.array([[1.0, 0.8, 0.8], [0.8, 1.0, -0.8], [0.8, -0.8, 1.0]])
     values, vectors = np.linalg.eigh(correlation)
     assert values.min() < 0.0
     sound = vectors @ np.diag(np.maximum(values, 0.05)) @ vectors.T
-    whitened = found.mixing * found.mixing[0, 0] ** -1 * math.sqrt(1.0 / sound[0, 0])
+    whitened = noise.mixing * noise.mixing[0, 0] ** -1 * math.sqrt(1.0 / sound[0, 0])
     assert whitened @ sound @ whitened.T == pytest.approx(np.eye(3), abs=0.02)
 
 
@@ -251,6 +255,6 @@ def test_residual_is_inadequate_at_a_p_value_of_0_001(share, adequate):
     free = (number("a"), number("b", prior=False))
     plain = fit(task, Plane(), free)
     wanted = math.sqrt(huber(plain.rows) / chi2_law.isf(1e-3, 59) / share)
-    found = fit(replace(task, noise=replace(task.noise, sd=task.noise.sd * wanted)), Plane(), free)
-    assert huber(found.rows) == pytest.approx(share * chi2_law.isf(1e-3, 59), rel=2e-3)
-    assert is_adequate(found) is adequate
+    fitted = fit(replace(task, noise=replace(task.noise, sd=task.noise.sd * wanted)), Plane(), free)
+    assert huber(fitted.rows) == pytest.approx(share * chi2_law.isf(1e-3, 59), rel=2e-3)
+    assert is_adequate(fitted) is adequate

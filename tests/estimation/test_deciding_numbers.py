@@ -57,8 +57,8 @@ def test_the_scatter_of_runs_widens_an_interval_from_four_runs_on(folds):
     draw = np.random.default_rng(folds)
     x = draw.normal(size=(folds, 1, 30))
     observed = (1.0 + 0.8 * draw.normal(size=(folds, 1, 1))) * x + 0.5 * draw.normal(size=x.shape)
-    found = fit(Task(Straight(x, observed), declared_noise(np.array([0.5]), observed)), Rise(), (NUMBER,))
-    A, rows = x.reshape(folds, -1) / 0.5, (observed - found.u[0] * x).reshape(folds, -1) / 0.5
+    fitted = fit(Task(Straight(x, observed), declared_noise(np.array([0.5]), observed)), Rise(), (NUMBER,))
+    A, rows = x.reshape(folds, -1) / 0.5, (observed - fitted.u[0] * x).reshape(folds, -1) / 0.5
     weight = np.minimum(1.0, 4.0 / np.abs(rows))
     H = 1.0 / (np.sum(weight * A**2) + 1.0)
     pushed = weight * A * rows
@@ -70,8 +70,8 @@ def test_the_scatter_of_runs_widens_an_interval_from_four_runs_on(folds):
     stretches = sandwich([pushed[fold, at : at + 8] for fold in range(folds) for at in range(0, 30, 8)])
     runs = sandwich(list(pushed)) * student.ppf(0.975, folds - 1) / 1.959964
     assert runs > stretches
-    assert found.spread[0] == pytest.approx(
-        runs if folds >= 4 else max(stretches, math.sqrt(H * found.misfit)), rel=1e-4
+    assert fitted.spread[0] == pytest.approx(
+        runs if folds >= 4 else max(stretches, math.sqrt(H * fitted.misfit)), rel=1e-4
     )
 
 
@@ -81,11 +81,11 @@ def test_learnt_noise_widens_variances_by_one_half():
     x = draw.normal(size=(3, 1, 50))
     observed = 0.7 * x + 0.5 * draw.normal(size=x.shape)
     noise = replace(first_noise(observed - 0.7 * x, np.zeros(1)), sd=np.array([0.8]))
-    found = fit(Task(Straight(x, observed), noise), Rise(), (NUMBER,))
-    assert found.misfit < 1.0
-    assert found.spread[0] >= math.sqrt(1.5 / (np.sum(x**2) / 0.8**2 + 1.0)) * (1.0 - 1e-9)
-    plain = fit(Task(found.task.experiment, replace(noise, inflation=1.0)), Rise(), (NUMBER,))
-    assert found.spread[0] / plain.spread[0] == pytest.approx(math.sqrt(1.5), rel=0.01)
+    fitted = fit(Task(Straight(x, observed), noise), Rise(), (NUMBER,))
+    assert fitted.misfit < 1.0
+    assert fitted.spread[0] >= math.sqrt(1.5 / (np.sum(x**2) / 0.8**2 + 1.0)) * (1.0 - 1e-9)
+    plain = fit(Task(fitted.task.experiment, replace(noise, inflation=1.0)), Rise(), (NUMBER,))
+    assert fitted.spread[0] / plain.spread[0] == pytest.approx(math.sqrt(1.5), rel=0.01)
 
 
 def test_neighbours_are_never_taken_to_agree_beyond_0_95():
@@ -114,26 +114,26 @@ def test_a_declared_number_has_left_its_declaration_beyond_five_sds(u, left):
     assert len(implausible(fitted)) == left
 
 
-@pytest.mark.parametrize(("covered", "said"), [(0.79, Against.AWAY), (0.81, Against.NOTHING)])
-def test_an_interval_over_four_fifths_of_what_is_allowed_says_nothing(covered, said):
-    assert against((0.0, 1.0), (2.0, 3.0), covered) is said
+@pytest.mark.parametrize(("covered", "message"), [(0.79, Against.AWAY), (0.81, Against.NOTHING)])
+def test_an_interval_over_four_fifths_of_what_is_allowed_says_nothing(covered, message):
+    assert against((0.0, 1.0), (2.0, 3.0), covered) is message
 
 
-@pytest.mark.parametrize(("beyond", "smooth"), [(0.79, True), (0.81, False), (-0.79, True), (-0.81, False)])
-def test_slopes_are_none_where_twice_the_step_is_not_twice_the_change(beyond, smooth):
+@pytest.mark.parametrize(("outside", "smooth"), [(0.79, True), (0.81, False), (-0.79, True), (-0.81, False)])
+def test_slopes_are_none_where_twice_the_step_is_not_twice_the_change(outside, smooth):
     """One number with a step h of 0.3: the change of 2 h may differ from twice that of h by 2 (0.1 + h) of it."""
     x, observed = np.ones((1, 1, 2)), np.zeros((1, 1, 2))
-    experiment = Straight(x, observed, lambda a: a / 0.3 + (beyond if a > 0.45 else 0.0))
+    experiment = Straight(x, observed, lambda a: a / 0.3 + (outside if a > 0.45 else 0.0))
     (slope,) = slopes_at(experiment, Rise(), (NUMBER,), np.zeros(1))
     assert slope == pytest.approx(np.full(x.shape, 1.0 / 0.3 if smooth else 0.0))
 
 
-@pytest.mark.parametrize(("share", "found"), [(0.49, False), (0.51, True)])
-def test_a_number_is_found_where_the_data_leave_half_of_its_variance(share, found):
+@pytest.mark.parametrize(("share", "expected"), [(0.49, False), (0.51, True)])
+def test_a_number_is_found_where_the_data_leave_half_of_its_variance(share, expected):
     number = Number("soil.k", "m", 1.0, 0.5, 1.5, 0.0)
     estimate = Estimate(number, share, {"soil.k": 0.5 * (1 - share), "soil.c": 0.5 * (1 - share)})
-    assert estimate.is_found is found
-    assert estimate.depends_on == (() if found else ("soil.k", "soil.c"))
+    assert estimate.is_found is expected
+    assert estimate.depends_on == (() if expected else ("soil.k", "soil.c"))
     assert not estimate._replace(number=number._replace(closed=False)).is_found
     assert not estimate._replace(number=number._replace(at_bound=True)).is_found
 
@@ -146,8 +146,8 @@ def test_shares_of_a_variance_are_those_that_moved_priors_and_data_leave():
     shares = variance_shares(C)
     means = draw.normal(size=(200_000, 2))
     for j in range(2):
-        moved = means[:, j : j + 1] * C[:, j]
-        assert shares[:, j] == pytest.approx(moved.var(axis=0) / np.diag(C), rel=0.02)
+        moved_variance = means[:, j : j + 1] * C[:, j]
+        assert shares[:, j] == pytest.approx(moved_variance.var(axis=0) / np.diag(C), rel=0.02)
     data = draw.normal(size=(200_000, 3)) @ J @ C
     assert 1.0 - shares.sum(axis=1) == pytest.approx(data.var(axis=0) / np.diag(C), rel=0.02)
 
@@ -158,5 +158,5 @@ def test_folds_differ_by_no_more_than_ten_sizes(true, learnt):
     drawn = true * np.where(np.arange(40) % 2, 1.0, -1.0)
     columns = 100.0 * np.eye(40)
     field = RandomField((Kind("tilt", 0.5, "deg"),), np.zeros(40, dtype=int), np.arange(40), np.zeros((40, 1, 1, 1)))
-    (found,) = learnt_sds(columns @ drawn, np.zeros((40, 0)), columns, field)
-    assert found.sd == pytest.approx(0.5 * learnt, rel=0.01)
+    (learnt_sd,) = learnt_sds(columns @ drawn, np.zeros((40, 0)), columns, field)
+    assert learnt_sd.sd == pytest.approx(0.5 * learnt, rel=0.01)

@@ -33,8 +33,8 @@ def rosenbrock(low=(-5.0, -5.0), high=(5.0, 5.0)):
     return Made(lambda u: [10 * (u[1] - u[0] ** 2), 1 - u[0]], lambda u: [[-20 * u[0], 10.0], [-1.0, 0.0]], low, high)
 
 
-def ended(made, start):
-    end = descend(made, np.array(start))
+def ended(example, start):
+    end = descend(example, np.array(start))
     return end.u, end.chi2
 
 
@@ -96,13 +96,13 @@ class Counted(Problem):
 def of_scipy(problem, start):
     counted, (low, high) = Counted(problem), problem.bounds.T
     margin = 1e-6 * np.minimum(high - low, 1.0)
-    found = least_squares(
+    solution = least_squares(
         lambda u: counted.evaluate(u).rows,
         np.clip(start, low + margin, high - margin),
         lambda u: counted.evaluate(u).jacobian,
         bounds=(low, high), x_scale="jac", max_nfev=400, ftol=1e-12, xtol=1e-12, gtol=1e-12,
     )  # fmt: skip
-    return 2 * found.cost, counted.count
+    return 2 * solution.cost, counted.count
 
 
 def of_ours(problem, start):
@@ -125,8 +125,8 @@ def test_it_ends_as_low_as_scipy_in_no_more_evaluations(name):
     assert len(problems) >= 6
     ours, theirs = ([solve(problem, start) for start in problems] for solve in (of_ours, of_scipy))
     lowest = min(chi2 for chi2, _ in theirs)
-    reached = [sum(chi2 < lowest * (1 + 1e-6) + 1e-6 for chi2, _ in one) for one in (ours, theirs)]
-    spent = [sum(count for _, count in one) for one in (ours, theirs)]
+    reached = [sum(chi2 < lowest * (1 + 1e-6) + 1e-6 for chi2, _ in ends) for ends in (ours, theirs)]
+    spent = [sum(count for _, count in ends) for ends in (ours, theirs)]
     print(f"{name}: of {len(starts)} starts {reached[0]} end lowest, {reached[1]} of scipy; {spent} evaluations")
     assert min(chi2 for chi2, _ in ours) <= lowest * (1 + 1e-8)
     assert reached[0] >= reached[1]

@@ -30,7 +30,7 @@ class Rosenbrock(Experiment):
     observed = np.array([[[0.0, 3.0]]])
 
     def predict(self, models):
-        return np.array([[[[WALL * (one.b - one.a**2), one.a]]] for one in models])
+        return np.array([[[[WALL * (model.b - model.a**2), model.a]]] for model in models])
 
     def records(self, model):
         return {"valley": model}

@@ -24,8 +24,8 @@ def autoregressive(seed, shape=(6, 3, 300)):
     return SD[:, None] * noise
 
 
-def learnt(shown, columns, shifts=()):
-    base = toys.fitted(toys.Sums(shown, columns, None))
+def learnt(visible, columns, shifts=()):
+    base = toys.fitted(toys.Sums(visible, columns, None))
     return with_learnt_noise(base, shifts).task.noise
 
 
@@ -33,9 +33,9 @@ def learnt(shown, columns, shifts=()):
 def test_noise_of_a_log_is_learnt_as_it_is(hidden):
     """Also beside a hidden effect whose signature is known."""
     draw = np.random.default_rng(1)
-    made = autoregressive(0)
-    columns = {name: SD[:, None] * draw.normal(size=made.shape) for name in ("base", "q")}
-    noise = learnt(0.5 * columns["base"] + hidden * columns["q"] + made, columns, [columns["q"]])
+    series = autoregressive(0)
+    columns = {name: SD[:, None] * draw.normal(size=series.shape) for name in ("base", "q")}
+    noise = learnt(0.5 * columns["base"] + hidden * columns["q"] + series, columns, [columns["q"]])
     assert noise.sd == pytest.approx(SD, rel=0.06)
     assert noise.rho == pytest.approx(RHO, abs=0.06)
     lower = np.linalg.inv(noise.mixing)
@@ -44,16 +44,16 @@ def test_noise_of_a_log_is_learnt_as_it_is(hidden):
     correlation = covariance / np.outer(size, size)
     assert correlation[0, 1] == pytest.approx(0.8 * COMMON, abs=0.05), "drawn to 0 by a fifth"
     assert np.abs(correlation[2, :2]).max() < 0.05
-    rows = noise.white(made)
+    rows = noise.white(series)
     assert rows.std() == pytest.approx(1.0, abs=0.05)
 
 
 def test_what_candidates_span_is_no_noise_else_it_is():
     draw = np.random.default_rng(1)
-    made = autoregressive(0)
-    columns = {name: SD[:, None] * draw.normal(size=made.shape) for name in ("base", "q")}
-    shown = 2.0 * columns["q"] + made
-    with_it, without = (learnt(shown, columns, shifts) for shifts in ([columns["q"]], []))
+    series = autoregressive(0)
+    columns = {name: SD[:, None] * draw.normal(size=series.shape) for name in ("base", "q")}
+    drawn_values = 2.0 * columns["q"] + series
+    with_it, without = (learnt(drawn_values, columns, shifts) for shifts in ([columns["q"]], []))
     assert without.sd == pytest.approx(np.sqrt(5.0) * SD, rel=0.1)
     assert with_it.sd == pytest.approx(SD, rel=0.06)
 
@@ -61,9 +61,9 @@ def test_what_candidates_span_is_no_noise_else_it_is():
 def test_many_candidates_take_no_share_of_the_noise():
     """200 signatures of nothing on 720 rows explain a quarter of the squares, and none of the noise."""
     draw = np.random.default_rng(3)
-    made = draw.normal(size=(3, 2, 120))
-    shifts = list(draw.normal(size=(200, *made.shape)))
-    noise = learnt(made, {"base": draw.normal(size=made.shape)}, shifts)
+    white = draw.normal(size=(3, 2, 120))
+    shifts = list(draw.normal(size=(200, *white.shape)))
+    noise = learnt(white, {"base": draw.normal(size=white.shape)}, shifts)
     assert noise.sd == pytest.approx([1.0, 1.0], rel=0.1)
     assert noise.rho == pytest.approx([0.0, 0.0], abs=0.1)
 
@@ -82,10 +82,10 @@ class White:
         return np.reshape(values, (*np.shape(values)[:-3], -1))
 
 
-def based(random, far=0.5, shape=(3, 2, 7)):
+def based(random, distance=0.5, shape=(3, 2, 7)):
     """A fit away from its optimum: rows are measured minus predicted; the noise is white."""
     slopes = {name: random.normal(size=shape) for name in ("a", "b")}
-    residual = far * random.normal(size=shape)
+    residual = distance * random.normal(size=shape)
     parameters = (Parameter("a", 0.0, 1.0, -9, 9), Parameter("b", 0.0, 1.0, -9, 9, prior=False))
     task = SimpleNamespace(noise=White())
     return SimpleNamespace(rows=residual.ravel(), residual=residual, slopes=slopes, parameters=parameters, task=task)
@@ -96,20 +96,20 @@ def weights_of(rows):
     return np.minimum(1.0, 4.0 / np.abs(rows))
 
 
-@pytest.mark.parametrize("far", [0.5, 3.0])
-@pytest.mark.parametrize("chance", [False, True])
-def test_what_nothing_explains_is_what_least_squares_leave(far, chance):
+@pytest.mark.parametrize("distance", [0.5, 3.0])
+@pytest.mark.parametrize("rng", [False, True])
+def test_what_nothing_explains_is_what_least_squares_leave(distance, rng):
     """Next to no prior on numbers and shifts; a random field's columns have SD 1, each in its own size."""
     random = np.random.default_rng(4)
-    base, shifts = based(random, far), list(3.0 * random.normal(size=(2, 3, 2, 7)))
+    base, shifts = based(random, distance), list(3.0 * random.normal(size=(2, 3, 2, 7)))
     field = SimpleNamespace(moved=random.normal(size=(2, 3, 2, 7)), kind=np.array([0, 1]), kinds=("grip", "slope"))
-    left, absorbed = residuals(base, shifts, field if chance else None)
-    moved = np.array([base.slopes["a"], base.slopes["b"], *shifts, *(field.moved if chance else ())])
-    X = moved.reshape(len(moved), -1).T
+    left, absorbed = residuals(base, shifts, field if rng else None)
+    free_columns = np.array([base.slopes["a"], base.slopes["b"], *shifts, *(field.moved if rng else ())])
+    X = free_columns.reshape(len(free_columns), -1).T
     root = np.sqrt(weights_of(base.rows))
-    prior = np.diag(np.where(np.arange(len(moved)) < 4, 1e-2 * np.linalg.norm(X, axis=0), 1.0))
+    prior = np.diag(np.where(np.arange(len(free_columns)) < 4, 1e-2 * np.linalg.norm(X, axis=0), 1.0))
     stacked = np.vstack([root[:, None] * X, prior])
-    share, *_ = np.linalg.lstsq(stacked, np.concatenate([root * base.rows, np.zeros(len(moved))]), rcond=None)
+    share, *_ = np.linalg.lstsq(stacked, np.concatenate([root * base.rows, np.zeros(len(free_columns))]), rcond=None)
     np.testing.assert_allclose(left.ravel(), base.rows - X @ share, atol=1e-8)
     spread = (X @ np.linalg.inv(stacked.T @ stacked) @ X.T).reshape(*left.shape, *left.shape)
     for at in np.ndindex(left.shape):

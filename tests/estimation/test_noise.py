@@ -21,12 +21,12 @@ def covariance(good):
     pushed = SD * np.sqrt(1 - RHO**2)
     for c in range(2):
         for d in range(2):
-            own = pushed[c] * pushed[d] * shared[c, d]
+            variance = pushed[c] * pushed[d] * shared[c, d]
             for a in range(blocks):
                 for b in range(blocks):
                     first = SD[c] * SD[d] * shared[c, d] * RHO[c] ** a * RHO[d] ** b
                     later = [RHO[c] ** (a - k) * RHO[d] ** (b - k) for k in range(1, min(a, b) + 1)]
-                    grown[c, a, d, b] = first + own * sum(later)
+                    grown[c, a, d, b] = first + variance * sum(later)
     return grown.reshape(2 * blocks, 2 * blocks)
 
 
@@ -62,7 +62,7 @@ def test_strays_do_not_make_the_memory():
     bent = row.copy()
     bent[[5, 6]] = 1e6
     good = np.ones((1, 1, 32), dtype=bool)
-    (clean,), (stray,) = (noise_of(each[None, None], good, np.full(1, 1e-9)).rho for each in (row, bent))
+    (clean,), (stray,) = (noise_of(series[None, None], good, np.full(1, 1e-9)).rho for series in (row, bent))
     clipped = np.clip(bent, -3 * SPREAD, 3 * SPREAD)
     assert stray == pytest.approx((clipped[1:] * clipped[:-1]).mean() / (clipped**2).mean())
     assert abs(stray - clean) < 0.5
@@ -72,13 +72,13 @@ def test_what_channels_share_is_taken_out_but_for_a_fifth():
     """Rows of two channels with the correlation 0.5: the correlation is drawn to 0 by SHRINK."""
     random = np.random.default_rng(0)
     n = 20000
-    one, other = random.choice([-1.0, 1.0], (2, n))
-    second = np.where(random.random(n) < 0.5, one, other)
-    residual = np.stack([one, second])[None]
+    first_signs, second_signs = random.choice([-1.0, 1.0], (2, n))
+    second = np.where(random.random(n) < 0.5, first_signs, second_signs)
+    residual = np.stack([first_signs, second])[None]
     noise = noise_of(residual, np.ones_like(residual, dtype=bool), np.full(2, 1e-9))
-    measured = np.corrcoef(one, second)[0, 1]
-    kept = np.linalg.inv(noise.mixing.T @ noise.mixing)
-    correlation = kept[0, 1] / np.sqrt(kept[0, 0] * kept[1, 1])
+    measured = np.corrcoef(first_signs, second)[0, 1]
+    inv = np.linalg.inv(noise.mixing.T @ noise.mixing)
+    correlation = inv[0, 1] / np.sqrt(inv[0, 0] * inv[1, 1])
     assert correlation == pytest.approx((1 - SHRINK) * measured, rel=1e-3)
     left = (1 - 2 * correlation * measured + correlation**2) / (1 - correlation**2)
     assert np.mean(noise.white(residual) ** 2) == pytest.approx((1 + left) / 2, rel=1e-3)
@@ -101,14 +101,14 @@ def test_what_a_fit_took_of_the_noise_is_given_back():
     smooth = np.array([np.convolve(random.standard_normal(n), np.ones(5), "same") for _ in range(p)]).T
     hat = smooth @ np.linalg.solve(smooth.T @ smooth, smooth.T)
     absorbed = AbsorbedNoise(np.diag(hat)[None, None], np.append(0.0, np.diag(hat, -1))[None, None])
-    alone, whole, rows = [], [], []
+    alone, full, rows = [], [], []
     for _ in range(40):
         noise = random.standard_normal(n)
         left = (noise - hat @ noise)[None, None]
         alone.append(noise_of(left, good, np.full(1, 1e-9)))
-        whole.append(noise_of(left, good, np.full(1, 1e-9), absorbed))
-        rows.append(np.std(whole[-1].white(noise[None, None])))
-    assert np.mean([each.sd for each in alone]) < 0.85
-    assert np.mean([each.sd for each in whole]) == pytest.approx(1.0, abs=0.03)
-    assert np.mean([each.rho for each in whole]) < 0.06
+        full.append(noise_of(left, good, np.full(1, 1e-9), absorbed))
+        rows.append(np.std(full[-1].white(noise[None, None])))
+    assert np.mean([learnt.sd for learnt in alone]) < 0.85
+    assert np.mean([learnt.sd for learnt in full]) == pytest.approx(1.0, abs=0.03)
+    assert np.mean([noise.rho for noise in full]) < 0.06
     assert np.mean(rows) == pytest.approx(1.0, abs=0.03), "in rows too"

@@ -27,11 +27,11 @@ def field():
     """Smooth columns, four a fold, of two kinds."""
     random = np.random.default_rng(3)
     count = FOLDS * PER_FOLD
-    moved = np.zeros((count, FOLDS, CHANNELS, SAMPLES))
+    field_columns = np.zeros((count, FOLDS, CHANNELS, SAMPLES))
     fold = np.repeat(np.arange(FOLDS), PER_FOLD)
-    for at, own in enumerate(fold):
-        moved[at, own] = np.cumsum(random.normal(size=(CHANNELS, SAMPLES)), axis=1)
-    return RandomField(KINDS, np.tile([0, 0, 1, 1], FOLDS), fold, moved)
+    for at, block_fold in enumerate(fold):
+        field_columns[at, block_fold] = np.cumsum(random.normal(size=(CHANNELS, SAMPLES)), axis=1)
+    return RandomField(KINDS, np.tile([0, 0, 1, 1], FOLDS), fold, field_columns)
 
 
 @pytest.fixture(scope="module")
@@ -54,22 +54,22 @@ def dense(columns, field, sds):
 
 def test_random_effects_are_removed_by_the_inverse_root(field, noise):
     sds, columns = (0.1, 0.03), noise.white(field.moved).T
-    chance = random_effects_filter(field, columns, noise.good, learnt_as(*sds))
+    effects_filter = random_effects_filter(field, columns, noise.good, learnt_as(*sds))
     residual = np.random.default_rng(5).normal(size=(7, FOLDS, CHANNELS, SAMPLES))
-    found = dataclasses.replace(noise, random_effects=chance).white(residual)
+    white = dataclasses.replace(noise, random_effects=effects_filter).white(residual)
     root = np.linalg.inv(np.real(sqrtm(dense(columns, field, sds))))
-    np.testing.assert_allclose(found, noise.white(residual) @ root, atol=1e-9)
+    np.testing.assert_allclose(white, noise.white(residual) @ root, atol=1e-9)
 
 
 def test_rows_without_one_fold_are_those_of_the_other_folds(field, noise):
-    chance = random_effects_filter(field, noise.white(field.moved).T, noise.good, learnt_as(0.1, 0.03))
-    whole = dataclasses.replace(noise, random_effects=chance)
+    effects_filter = random_effects_filter(field, noise.white(field.moved).T, noise.good, learnt_as(0.1, 0.03))
+    changed_noise = dataclasses.replace(noise, random_effects=effects_filter)
     good = noise.good.copy()
     good[1] = False
     residual = np.random.default_rng(6).normal(size=(FOLDS, CHANNELS, SAMPLES))
     owner = np.nonzero(noise.good)[0]
-    found = dataclasses.replace(whole, good=good).white(residual)
-    np.testing.assert_allclose(found, whole.white(residual)[owner != 1], atol=1e-12)
+    white = dataclasses.replace(changed_noise, good=good).white(residual)
+    np.testing.assert_allclose(white, changed_noise.white(residual)[owner != 1], atol=1e-12)
 
 
 def restricted(rows, free, covariance):
@@ -85,43 +85,43 @@ def test_an_sd_that_is_known_is_not_learnt(field, noise):
     columns, none = noise.white(field.moved).T, np.zeros((int(noise.good.sum()), 0))
     kinds = tuple(kind._replace(is_known=at == 0) for at, kind in enumerate(field.kinds))
     rows = 30.0 * columns @ random.normal(size=columns.shape[1])
-    known, other = learnt_sds(rows, none, columns, dataclasses.replace(field, kinds=kinds))
-    assert (known.sd, known.gain) == (kinds[0].size, 0.0)
-    assert other.sd > 5.0 * kinds[1].size
+    learnt, second = learnt_sds(rows, none, columns, dataclasses.replace(field, kinds=kinds))
+    assert (learnt.sd, learnt.gain) == (kinds[0].size, 0.0)
+    assert second.sd > 5.0 * kinds[1].size
 
 
 def test_learnt_sds_maximise_the_restricted_likelihood(field, noise):
     random, columns = np.random.default_rng(8), noise.white(field.moved).T
     free = random.normal(size=(len(columns), 3))
     rows = np.linalg.cholesky(dense(columns, field, (0.06, 0.02))) @ random.normal(size=len(columns))
-    found = learnt_sds(rows + 20 * free @ [1.0, -2.0, 3.0], free, columns, field)
-    best = [one.sd for one in found]
+    sds = learnt_sds(rows + 20 * free @ [1.0, -2.0, 3.0], free, columns, field)
+    best = [learnt.sd for learnt in sds]
     least = restricted(rows, free, dense(columns, field, best))
     for factors in ((1.2, 1.0), (0.8, 1.0), (1.0, 1.2), (1.0, 0.8)):
-        moved = [sd * factor for sd, factor in zip(best, factors, strict=True)]
-        assert restricted(rows, free, dense(columns, field, moved)) > least
-    for at, one in enumerate(found):
-        without = [0.0 if at == other else sd for other, sd in enumerate(best)]
-        assert one.gain == pytest.approx(restricted(rows, free, dense(columns, field, without)) - least, abs=1e-6)
+        changed_sds = [sd * factor for sd, factor in zip(best, factors, strict=True)]
+        assert restricted(rows, free, dense(columns, field, changed_sds)) > least
+    for at, learnt in enumerate(sds):
+        without = [0.0 if at == second else sd for second, sd in enumerate(best)]
+        assert learnt.gain == pytest.approx(restricted(rows, free, dense(columns, field, without)) - least, abs=1e-6)
 
 
 def test_sds_are_recovered_on_average_and_absent_ones_stay_zero(field, noise):
     random, columns = np.random.default_rng(9), noise.white(field.moved).T
     free = random.normal(size=(len(columns), 2))
     root = np.linalg.cholesky(dense(columns, field, (0.1, 0.0)))
-    found = [learnt_sds(root @ random.normal(size=len(columns)), free, columns, field) for _ in range(60)]
-    grip, slope = np.array([[one.sd for one in each] for each in found]).T
+    learnt_runs = [learnt_sds(root @ random.normal(size=len(columns)), free, columns, field) for _ in range(60)]
+    grip, slope = np.array([[learnt.sd for learnt in learnt_run] for learnt_run in learnt_runs]).T
     assert np.sqrt(np.mean(grip**2)) == pytest.approx(0.1, rel=0.15)
     assert np.mean(slope == 0.0) > 0.4
-    assert np.mean([each[1].gain > 10.8 for each in found]) == 0.0
+    assert np.mean([learnt_run[1].gain > 10.8 for learnt_run in learnt_runs]) == 0.0
 
 
 def test_what_a_free_column_takes_is_not_taken_for_chance(field, noise):
     columns = noise.white(field.moved).T
     effect = columns @ np.where(field.kind == 0, 2.0, 0.0)
     rows = effect + 0.3 * np.random.default_rng(10).normal(size=len(columns))
-    told = [learnt_sds(rows, free, columns, field)[0].sd for free in (effect[:, None], 0.0 * effect[:, None])]
-    assert told[0] < 1e-3 < 0.05 < told[1]
+    sds = [learnt_sds(rows, free, columns, field)[0].sd for free in (effect[:, None], 0.0 * effect[:, None])]
+    assert sds[0] < 1e-3 < 0.05 < sds[1]
 
 
 def test_the_expected_draws_are_those_of_the_joint_normal_law(field, noise):
@@ -139,11 +139,13 @@ def test_two_kinds_that_say_the_same_share_what_one_would_have(field, noise):
     columns = noise.white(field.moved).T
     rows = np.linalg.cholesky(dense(columns, field, (0.2, 0.04))) @ np.random.default_rng(13).normal(size=len(columns))
     none, zeros = np.zeros((len(columns), 0)), np.zeros_like(field.kind)
-    one = learnt_sds(rows, none, columns, dataclasses.replace(field, kind=zeros))
+    sds = learnt_sds(rows, none, columns, dataclasses.replace(field, kind=zeros))
     both = np.concatenate([columns, columns], axis=1)
     two = learnt_sds(rows, none, both, dataclasses.replace(field, kind=np.concatenate([zeros, zeros + 1])))
-    assert one[0].sd > 0.1
-    assert sum((each.sd / each.kind.size) ** 2 for each in two) == pytest.approx((one[0].sd / 0.05) ** 2, rel=1e-2)
+    assert sds[0].sd > 0.1
+    assert sum((learnt.sd / learnt.kind.size) ** 2 for learnt in two) == pytest.approx(
+        (sds[0].sd / 0.05) ** 2, rel=1e-2
+    )
 
 
 def alone(kind):
@@ -163,6 +165,6 @@ def one_column(length, rows_along, size=0.05):
 @pytest.mark.parametrize("rows_along", [1.3, 2.0, 3.3])
 def test_of_one_column_the_sd_and_its_gain_are_in_closed_form(length, rows_along):
     """ln(1 + d^2 g) - d^2 b^2 / (1 + d^2 g) is least at d^2 = (q - 1) / g, by q - 1 - ln q, with q = b^2 / g."""
-    found, square = one_column(length, rows_along), rows_along**2
-    assert found.sd == pytest.approx(0.05 * np.sqrt(square - 1) / length, rel=1e-3)
-    assert found.gain == pytest.approx(square - 1 - np.log(square), rel=1e-5)
+    column, square = one_column(length, rows_along), rows_along**2
+    assert column.sd == pytest.approx(0.05 * np.sqrt(square - 1) / length, rel=1e-3)
+    assert column.gain == pytest.approx(square - 1 - np.log(square), rel=1e-5)

@@ -14,15 +14,17 @@ from rover_pin.estimation.parameter import Parameter
 @pytest.mark.parametrize("log", [True, False])
 @pytest.mark.parametrize("scale", [0.4, -0.3])
 def test_a_parameter_comes_back_and_keeps_to_its_bounds(log, scale):
-    one = Parameter("x", 2.0, scale, 1.5, 3.0, log=log)
-    assert one.value(0.0) == 2.0
-    assert one.value(0.5) == pytest.approx(2.0 * math.exp(scale / 2) if log else 2.0 + scale / 2)
-    assert one.u(one.value(0.5)) == pytest.approx(0.5)
-    assert (one.value(50.0), one.value(-50.0)) == ((3.0, 1.5) if scale > 0 else (1.5, 3.0))
-    low, high = one.bounds
+    parameter = Parameter("x", 2.0, scale, 1.5, 3.0, log=log)
+    assert parameter.value(0.0) == 2.0
+    assert parameter.value(0.5) == pytest.approx(2.0 * math.exp(scale / 2) if log else 2.0 + scale / 2)
+    assert parameter.u(parameter.value(0.5)) == pytest.approx(0.5)
+    assert (parameter.value(50.0), parameter.value(-50.0)) == ((3.0, 1.5) if scale > 0 else (1.5, 3.0))
+    low, high = parameter.bounds
     assert low < 0.0 < high
-    assert sorted([one.value(low), one.value(high)]) == pytest.approx([1.5, 3.0])
-    assert one.slope(0.5) == pytest.approx((one.value(0.5 + 1e-6) - one.value(0.5 - 1e-6)) / 2e-6, rel=1e-6)
+    assert sorted([parameter.value(low), parameter.value(high)]) == pytest.approx([1.5, 3.0])
+    assert parameter.slope(0.5) == pytest.approx(
+        (parameter.value(0.5 + 1e-6) - parameter.value(0.5 - 1e-6)) / 2e-6, rel=1e-6
+    )
 
 
 # --- steps of the descent --------------------------------------------------------------------------------------------
@@ -62,8 +64,8 @@ def test_a_damped_step_does_not_depend_on_the_rows_unit(unit):
     [([0.3, -0.2], [0.3, -0.2]), ([2.0, -0.5], [1.0, -0.25]), ([-1.0, -4.0], [-0.5, -2.0]), ([0.0, 5.0], [0.0, 2.0])],
 )
 def test_a_step_ends_on_the_first_bound_in_its_own_direction(step, ends):
-    found = _step_to_bound(np.zeros(2), np.array(step), np.array([-1.0, -2.0]), np.array([1.0, 2.0]))
-    assert found == pytest.approx(ends)
+    bound = _step_to_bound(np.zeros(2), np.array(step), np.array([-1.0, -2.0]), np.array([1.0, 2.0]))
+    assert bound == pytest.approx(ends)
 
 
 def test_numbers_pushed_past_their_bound_stay():

@@ -32,12 +32,12 @@ def numbers(answer):
 class SameLaw:
     """Calls a hook of the object and of the source's effect, and asserts that both answer alike, to the last bit."""
 
-    def __init__(self, drafted, written):
-        self.drafted, self.written = drafted, written
-        assert type(drafted).__name__ == type(written).__name__
-        assert drafted.values() == written.values()
-        assert (drafted.neutral, drafted.title, drafted.meaning) == (written.neutral, written.title, written.meaning)
-        assert getattr(drafted, "states", ()) == getattr(written, "states", ())
+    def __init__(self, drafted, code):
+        self.drafted, self.written = drafted, code
+        assert type(drafted).__name__ == type(code).__name__
+        assert drafted.values() == code.values()
+        assert (drafted.neutral, drafted.title, drafted.meaning) == (code.neutral, code.title, code.meaning)
+        assert getattr(drafted, "states", ()) == getattr(code, "states", ())
 
     def __getattr__(self, name):
         hooks = getattr(self.drafted, name), getattr(self.written, name)

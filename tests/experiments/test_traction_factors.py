@@ -58,10 +58,10 @@ def test_slopes_are_the_derivatives_of_every_number():
 
 
 def test_noiseless_points_return_k_and_phi_from_another_soil():
-    found = identify(factors(soil=Soil(k=0.05, phi=0.7)), fixed={**HELD, **SIZES})
-    assert found["k"].number.value == pytest.approx(0.008, rel=0.01)
-    assert found["phi"].number.value == pytest.approx(float(SOIL.phi), rel=0.01)
-    assert found.found == ("soil.phi", "soil.k")
+    identification = identify(factors(soil=Soil(k=0.05, phi=0.7)), fixed={**HELD, **SIZES})
+    assert identification["k"].number.value == pytest.approx(0.008, rel=0.01)
+    assert identification["phi"].number.value == pytest.approx(float(SOIL.phi), rel=0.01)
+    assert identification.found == ("soil.phi", "soil.k")
 
 
 def test_a_wheel_that_is_held_is_the_one_that_is_predicted():
@@ -74,37 +74,45 @@ def test_a_wheel_that_is_held_is_the_one_that_is_predicted():
 
 def test_stated_intervals_hold_the_truth():
     """k and phi of a curve that tells them, 30 times with noise as stated: 95 % of 60, three SDs of a count below."""
-    draw, held = np.random.default_rng(8), []
+    draw, covered = np.random.default_rng(8), []
     for _ in range(30):
         bench = factors(factor=curve(SLIPS) + 0.006 * draw.normal(size=len(SLIPS)))
-        found = identify(bench, fixed={**HELD, **SIZES})
+        identification = identify(bench, fixed={**HELD, **SIZES})
         for name in ("k", "phi"):
-            held.append(found[name].number.low <= float(getattr(SOIL, name)) <= found[name].number.high)
-    assert np.mean(held) >= 0.86
+            covered.append(
+                identification[name].number.low <= float(getattr(SOIL, name)) <= identification[name].number.high
+            )
+    assert np.mean(covered) >= 0.86
 
 
 @pytest.mark.slow
 def test_a_noisy_slip_does_not_flatten_the_curve():
     """Slips off by 0.04 (1 SD) on the steep part: taken as exact, the median fit has 0.6 of the true k."""
     slips, random = np.tile(np.linspace(0.0, 0.3, 8), 6), np.random.default_rng(5)
-    off, held = {0.04: [], 0.0: []}, 0
+    off, covered = {0.04: [], 0.0: []}, 0
     for _ in range(12):
         slip = slips + 0.04 * random.standard_normal(48)
         factor = curve(slips) + 0.005 * random.standard_normal(48)
         for sd, logs in off.items():
             k = identify(factors(slip, factor, 0.005, slip_sd=sd), fixed={**HELD, **SIZES})["k"].number
             logs.append(math.log(k.value / float(SOIL.k)))
-            held += sd > 0 and k.low < float(SOIL.k) < k.high
+            covered += sd > 0 and k.low < float(SOIL.k) < k.high
     right, wrong = (abs(np.median(logs)) for logs in off.values())
     assert right < 0.5 * wrong, off
-    assert held >= 9, off
+    assert covered >= 9, off
 
 
 def test_a_shared_error_widens_phi_more_than_k():
     """Thrust goes with tan phi: a factor on all F is mostly a change of phi."""
-    plain, wide = (identify(factors(shared=each), fixed={**HELD, **SIZES}) for each in (0.0, 0.05 * curve(SLIPS)))
+    plain, wide = (
+        identify(factors(shared=shared_error), fixed={**HELD, **SIZES}) for shared_error in (0.0, 0.05 * curve(SLIPS))
+    )
     width = {
-        name: [math.log(one[name].number.high / one[name].number.low) for one in (plain, wide)] for name in ("k", "phi")
+        name: [
+            math.log(identification[name].number.high / identification[name].number.low)
+            for identification in (plain, wide)
+        ]
+        for name in ("k", "phi")
     }
     assert width["phi"][1] > 1.5 * width["phi"][0]
     assert width["k"][1] / width["k"][0] < width["phi"][1] / width["phi"][0]

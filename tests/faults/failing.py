@@ -74,25 +74,25 @@ def contents(folder):
 
 
 def main(kind, every, cache, _, *words):
-    refusing, here = Refusing(kind), Path.cwd()
+    refusing, cwd = Refusing(kind), Path.cwd()
     if kind == MEMORY and words[0] not in LOADED:
         for name in LIBRARIES:
             importlib.import_module(name)
-    before = contents(here)
-    total, after = one(refusing, words, here, cache, 0)
+    before = contents(cwd)
+    total, after = one(refusing, words, cwd, cache, 0)
     events = {ROOM: ROOMS, MEMORY: MEMORIES}.get(kind, range(1, total + 1, int(every)))
     for at in events:
-        one(refusing, words, here, cache, at, before, after)
+        one(refusing, words, cwd, cache, at, before, after)
 
 
-def one(refusing, words, here, cache, at, before=None, after=None):
+def one(refusing, words, folder, cache, at, before=None, after=None):
     """Run the words in a copy of the folder; print and return what became of it."""
     if refusing.kind == CHILD:
         shutil.rmtree(cache, ignore_errors=True)
         Path(cache).mkdir()
     with tempfile.TemporaryDirectory() as place:
         work = Path(place) / "work"
-        shutil.copytree(here, work)
+        shutil.copytree(folder, work)
         code, count, err = forked(refusing, words, work, at)
         now = contents(work)
     if before is None:
@@ -116,10 +116,10 @@ def forked(refusing, words, work, at):
         os.close(theirs)
         os.close(speaking)
         os.set_blocking(spoken, False)
-        with os.fdopen(ours) as pipe, os.fdopen(spoken, "rb") as said:
-            ended = json.loads(pipe.read() or "[-9, 0]")
+        with os.fdopen(ours) as pipe, os.fdopen(spoken, "rb") as output:
+            outcome = json.loads(pipe.read() or "[-9, 0]")
             os.waitpid(pid, 0)
-            return *ended, (said.read(MOST_SAID) or b"").decode()
+            return *outcome, (output.read(MOST_SAID) or b"").decode()
     os.chdir(work)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     os.dup2(speaking, 2)

@@ -76,25 +76,25 @@ def runs(line, kind, folder, cache, every=1):
         check=False,
     )
     assert got.returncode == 0, got.stderr[-2000:]
-    whole, *refused = map(json.loads, got.stdout.splitlines())
-    assert whole["code"] == 0, whole["err"]
-    assert kind in (ROOM, MEMORY) or whole["events"] > 0 or not refused
+    full, *refused = map(json.loads, got.stdout.splitlines())
+    assert full["code"] == 0, full["err"]
+    assert kind in (ROOM, MEMORY) or full["events"] > 0 or not refused
     return refused
 
 
 def faults(run):
     """What is wrong with a run of which something was refused."""
     lines = run["err"].strip().splitlines()
-    found = ["a traceback"] if "Traceback" in run["err"] else []
+    problems = ["a traceback"] if "Traceback" in run["err"] else []
     if run["code"] not in (0, 2):
-        found.append(f"exit code {run['code']}")
+        problems.append(f"exit code {run['code']}")
     if run["code"] == 2 and not (lines and lines[-1].startswith("rover-pin: ")):
-        found.append("no sentence")
+        problems.append("no sentence")
     if run["code"] == 0 and run["absent"]:
-        found.append(f"success without {run['absent']}")
+        problems.append(f"success without {run['absent']}")
     torn = [name for name in run["changed"] if not name.endswith(GROWS)]
     torn = [name for name in torn if run["code"] or not name.endswith(OF_BINARIES)]
-    return [*found, *(["torn: " + ", ".join(torn)] if torn else []), *(["lost"] if run["lost"] else [])]
+    return [*problems, *(["torn: " + ", ".join(torn)] if torn else []), *(["lost"] if run["lost"] else [])]
 
 
 def assert_whole(runs):

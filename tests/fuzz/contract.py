@@ -71,10 +71,10 @@ def _refusal(text: str) -> str:
 
 def _place(error: BaseException) -> str:
     """Return the innermost line of the package that the exception went through."""
-    found, trace = "", error.__traceback__
+    place, trace = "", error.__traceback__
     while trace is not None:
         file = trace.tb_frame.f_code.co_filename
         if "/rover_pin/" in file and "/tests/" not in file:
-            found = f"{file.rpartition('/rover_pin/')[2]}:{trace.tb_frame.f_code.co_name}"
+            place = f"{file.rpartition('/rover_pin/')[2]}:{trace.tb_frame.f_code.co_name}"
         trace = trace.tb_next
-    return found
+    return place

@@ -113,11 +113,11 @@ WORDS = (
 """Command lines on a folder of files; what takes long is not run."""
 
 
-def _left(*given: object, **named: object) -> None:
+def _left(*value: object, **named: object) -> None:
     raise SystemExit(0)
 
 
-def _undriven(*given: object, **named: object) -> None:
+def _undriven(*value: object, **named: object) -> None:
     raise SimulationError("not driven here")
 
 
@@ -140,12 +140,12 @@ def command(*words: str) -> Callable[[Path], None]:
 
 def run_in(folder: Path, words: list[str]) -> None:
     """Run the program in a folder; what it says last where it refuses is a DataError."""
-    said, before = io.StringIO(), Path.cwd()
+    output, before = io.StringIO(), Path.cwd()
     os.chdir(folder)
     try:
         with ExitStack() as stack:
             stack.enter_context(redirect_stdout(io.StringIO()))
-            stack.enter_context(redirect_stderr(said))
+            stack.enter_context(redirect_stderr(output))
             stack.enter_context(patch.object(sys, "argv", ["rover-pin", *words]))
             stack.enter_context(patch.object(Scenario, "drive", _undriven))
             for name in STOPS:
@@ -155,7 +155,7 @@ def run_in(folder: Path, words: list[str]) -> None:
         if left.code not in (0, 1, 2, STOPPED, None):
             raise
         if left.code:
-            raise DataError((said.getvalue().splitlines() or ["faults were found"])[-1]) from left
+            raise DataError((output.getvalue().splitlines() or ["faults were found"])[-1]) from left
     finally:
         os.chdir(before)
 
@@ -171,10 +171,10 @@ def files(
 ) -> dict[str, dict[str, bytes]]:
     """Return what each door reads, by its name."""
     recordings, brake = (_module(TESTS / at) for at in ("importing/recordings.py", "oracle/brake_generator.py"))
-    seen = recordings.truth(seconds=24.0)
+    truth = recordings.truth(seconds=24.0)
     folder = scratch / "doors"
     folder.mkdir(exist_ok=True)
-    german, ros = recordings.german(seen, folder).read_bytes(), _stamped(seen)
+    german, ros = recordings.german(truth, folder).read_bytes(), _stamped(truth)
     bed = Path(str(importlib.util.find_spec("rover_pin.experiments.motor_brake").origin)).read_bytes()
     data = brake.write(folder / "brake", 0)
     brake_files = {file.name: file.read_bytes() for file in data.iterdir()}
@@ -186,14 +186,14 @@ def files(
         "init": {"runs.csv": TABLE.encode()},
         "import-log": {"drive.csv": german},
         "import-log of stamps": {"drive.csv": ros},
-        "import-log of parquet": {"drive.parquet": _parquet(seen)},
-        "import-log of mat": {"drive.mat": _mat(seen)},
+        "import-log of parquet": {"drive.parquet": _parquet(truth)},
+        "import-log of mat": {"drive.mat": _mat(truth)},
         "new-rover": mesh,
         "new-rover of xacro": {"own.xacro": XACRO.encode()},
         "own bed": {"mine.py": bed, **brake_files},
         "own effects": {"mine.py": EFFECT.encode()},
         "own controller": {"mine.py": CONTROLLER.encode()},
-        "import-log of objects": {"drive.mat": _mat_objects(seen)},
+        "import-log of objects": {"drive.mat": _mat_objects(truth)},
         "sweep by command": {"study.toml": SWEEP.encode()},
         "view": {"drive.parquet": _trace()},
         "commands": words,
@@ -246,33 +246,35 @@ def _own_controller(folder: Path) -> None:
 
 def _module(file: Path) -> object:
     spec = importlib.util.spec_from_file_location(file.stem, file)
-    made = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(made)
-    return made
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
-def _stamped(seen: dict[str, np.ndarray]) -> bytes:
-    ns = 1_700_000_000_000_000_000 + (1e9 * seen["t_s"]).round().astype(int)
+def _stamped(truth: dict[str, np.ndarray]) -> bytes:
+    ns = 1_700_000_000_000_000_000 + (1e9 * truth["t_s"]).round().astype(int)
     table = {"header.stamp.sec": ns // 10**9, "header.stamp.nanosec": ns % 10**9}
-    return pd.DataFrame(table | {name: values for name, values in seen.items() if name != "t_s"}).to_csv().encode()
+    return pd.DataFrame(table | {name: values for name, values in truth.items() if name != "t_s"}).to_csv().encode()
 
 
-def _parquet(seen: dict[str, np.ndarray]) -> bytes:
-    made = io.BytesIO()
-    times = pd.to_datetime(1_700_000_000_000_000_000 + (1e9 * seen["t_s"]).astype("int64"))
-    pd.DataFrame({"stamp": times} | {name: values for name, values in seen.items() if name != "t_s"}).to_parquet(made)
-    return made.getvalue()
+def _parquet(truth: dict[str, np.ndarray]) -> bytes:
+    buffer = io.BytesIO()
+    times = pd.to_datetime(1_700_000_000_000_000_000 + (1e9 * truth["t_s"]).astype("int64"))
+    pd.DataFrame({"stamp": times} | {name: values for name, values in truth.items() if name != "t_s"}).to_parquet(
+        buffer
+    )
+    return buffer.getvalue()
 
 
-def _mat(seen: dict[str, np.ndarray]) -> bytes:
+def _mat(truth: dict[str, np.ndarray]) -> bytes:
     from scipy.io import savemat
 
-    made = io.BytesIO()
-    savemat(made, {"log": dict(seen)})
-    return made.getvalue()
+    buffer = io.BytesIO()
+    savemat(buffer, {"log": dict(truth)})
+    return buffer.getvalue()
 
 
-def _mat_objects(seen: dict[str, np.ndarray]) -> bytes:
+def _mat_objects(truth: dict[str, np.ndarray]) -> bytes:
     """Numbers beside a datetime, which MATLAB keeps as an object of a class."""
 
     def element(kind: int, data: bytes) -> bytes:
@@ -281,7 +283,7 @@ def _mat_objects(seen: dict[str, np.ndarray]) -> bytes:
     flags = element(6, struct.pack("<II", 17, 0))
     named = (element(1, word) for word in (b"stamp", b"MCOS", b"datetime"))
     opaque = element(14, flags + b"".join(named))
-    return _mat(seen) + opaque
+    return _mat(truth) + opaque
 
 
 def _mesh_rover(urdf: bytes) -> dict[str, bytes]:
@@ -304,8 +306,8 @@ def _trace() -> bytes:
     from rover_pin.scenarios.scenario import scenario
 
     trace = scenario("ditch", duration=1.0, rover="cart", **{"soil.k": 0.02}).drive()
-    made = io.BytesIO()
-    about = json.dumps({"units": dict(trace.units), "attrs": trace.attrs}, default=lambda value: value.tolist())
+    buffer = io.BytesIO()
+    dumps = json.dumps({"units": dict(trace.units), "attrs": trace.attrs}, default=lambda value: value.tolist())
     table = pyarrow.table({name: np.asarray(values) for name, values in trace.channels.items()})
-    pyarrow.parquet.write_table(table.replace_schema_metadata({b"rover_pin": about.encode()}), made)
-    return made.getvalue()
+    pyarrow.parquet.write_table(table.replace_schema_metadata({b"rover_pin": dumps.encode()}), buffer)
+    return buffer.getvalue()

@@ -55,100 +55,100 @@ FLOODS = (
 """Many of one mark: what a reader builds of them must stay small."""
 
 
-def mutated(name: str, content: bytes, chance: random.Random) -> bytes:
+def mutated(name: str, content: bytes, rng: random.Random) -> bytes:
     """Return the content of a file changed in the way of its kind, or as any bytes."""
     kinds = {
         "toml": _toml, "csv": _csv, "urdf": _xml, "xacro": _xml, "dae": _xml, "npz": _npz, "npy": _npy, "mat": _mat,
         "png": _png, "asc": _esri, "json": _json, "parquet": _parquet, "py": _python,
     }  # fmt: skip
-    own = kinds.get(name.rpartition(".")[2])
+    mutators = kinds.get(name.rpartition(".")[2])
     changed = content
-    for _ in range(chance.choice((1, 1, 1, 2, 3))):
-        change = own if own is not None and chance.random() < 0.75 else _bytes
+    for _ in range(rng.choice((1, 1, 1, 2, 3))):
+        change = mutators if mutators is not None and rng.random() < 0.75 else _bytes
         try:
-            changed = change(changed, chance)
+            changed = change(changed, rng)
         except Exception:  # a change of what an earlier change has broken
-            changed = _bytes(changed, chance)
+            changed = _bytes(changed, rng)
     return changed
 
 
-def mutated_words(words: list[str], chance: random.Random) -> list[str]:
+def mutated_words(words: list[str], rng: random.Random) -> list[str]:
     """Return words of a command line with some left out, doubled, or with another value."""
     words = list(words)
-    for _ in range(chance.choice((1, 1, 2))):
-        at = chance.randrange(len(words))
-        way = chance.randrange(5)
+    for _ in range(rng.choice((1, 1, 2))):
+        at = rng.randrange(len(words))
+        way = rng.randrange(5)
         if way == 0:
             del words[at]
         elif way == 1:
-            words.insert(at, chance.choice(words))
+            words.insert(at, rng.choice(words))
         else:
             name, sign, _ = words[at].partition("=")
-            value = str(chance.choice(VALUES)).replace("\x00", "")
+            value = str(rng.choice(VALUES)).replace("\x00", "")
             words[at] = f"{name}{sign}{value}" if sign and way < 4 else value
         words = words or ["--set"]
     return words
 
 
-def _bytes(content: bytes, chance: random.Random) -> bytes:
-    at, to = sorted((chance.randint(0, len(content)), chance.randint(0, len(content))))
-    noise = chance.choice(NOISE + FLOODS)
+def _bytes(content: bytes, rng: random.Random) -> bytes:
+    at, to = sorted((rng.randint(0, len(content)), rng.randint(0, len(content))))
+    noise = rng.choice(NOISE + FLOODS)
     flipped = bytearray(content)
-    for _ in range(chance.choice((1, 3, 30)) if content else 0):
-        flipped[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
-    return chance.choice(
+    for _ in range(rng.choice((1, 3, 30)) if content else 0):
+        flipped[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
+    return rng.choice(
         (
             bytes(flipped),
             content[:at],
             content[:at] + content[to:],
             content[:at] + noise + content[at:],
             content[:to] + content[at:],
-            chance.choice((b"", noise, content[::-1])),
+            rng.choice((b"", noise, content[::-1])),
         )
     )
 
 
-def _toml(content: bytes, chance: random.Random) -> bytes:
-    if chance.random() < 0.2:
-        return _lines(content, chance)
+def _toml(content: bytes, rng: random.Random) -> bytes:
+    if rng.random() < 0.2:
+        return _lines(content, rng)
     table = tomllib.loads(content.decode())
-    _change_node(table, chance)
+    _change_node(table, rng)
     return dumped(table).encode()
 
 
-def _lines(content: bytes, chance: random.Random) -> bytes:
+def _lines(content: bytes, rng: random.Random) -> bytes:
     lines = content.split(b"\n")
-    at = chance.randrange(len(lines))
-    way = chance.randrange(3)
-    lines[at : at + 1] = ([], [lines[at]] * 2, [chance.choice(lines)])[way]
+    at = rng.randrange(len(lines))
+    way = rng.randrange(3)
+    lines[at : at + 1] = ([], [lines[at]] * 2, [rng.choice(lines)])[way]
     return b"\n".join(lines)
 
 
 def _nodes(node: object) -> list:
     """Return every table and list that holds something."""
     inner = node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
-    own = [node] if isinstance(node, (dict, list)) and node else []
-    return own + [each for value in inner for each in _nodes(value)]
+    this_node = [node] if isinstance(node, (dict, list)) and node else []
+    return this_node + [node for value in inner for node in _nodes(value)]
 
 
-def _change_node(tree: object, chance: random.Random) -> None:
+def _change_node(tree: object, rng: random.Random) -> None:
     """Rename, remove, double or replace one entry somewhere in a tree of tables and lists."""
-    node = chance.choice(_nodes(tree))
-    at = chance.choice(list(node) if isinstance(node, dict) else range(len(node)))
-    way, value = chance.randrange(8), copy.deepcopy(chance.choice(VALUES))
+    node = rng.choice(_nodes(tree))
+    at = rng.choice(list(node) if isinstance(node, dict) else range(len(node)))
+    way, value = rng.randrange(8), copy.deepcopy(rng.choice(VALUES))
     if way == 0:
         del node[at]
     elif way == 1 and isinstance(node, dict):
-        name = chance.choice((*KEYS, at[:-1] or "q", at + "s", at.upper()))
+        name = rng.choice((*KEYS, at[:-1] or "q", at + "s", at.upper()))
         node[name] = node.pop(at)
     elif way == 2 and isinstance(node, dict):
-        node[chance.choice(KEYS)] = value
+        node[rng.choice(KEYS)] = value
     elif way == 2:
         node.insert(at, copy.deepcopy(node[at]))
     elif way == 3:
-        node[at] = chance.choice(([node[at]], {"value": node[at]}, str(node[at])))
+        node[at] = rng.choice(([node[at]], {"value": node[at]}, str(node[at])))
     elif way == 4 and isinstance(node[at], (int, float)) and not isinstance(node[at], bool):
-        node[at] = node[at] * chance.choice((-1.0, 1e-3, 1e3, 1e9, 1e-9, 57.3, 100.0))
+        node[at] = node[at] * rng.choice((-1.0, 1e-3, 1e3, 1e9, 1e-9, 57.3, 100.0))
     else:
         node[at] = value
 
@@ -164,9 +164,9 @@ def _inline(value: object) -> str:
     if isinstance(value, str):
         return _quoted(value)
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{_quoted(name)} = {_inline(each)}" for name, each in value.items()) + "}"
+        return "{" + ", ".join(f"{_quoted(name)} = {_inline(inner)}" for name, inner in value.items()) + "}"
     if isinstance(value, list):
-        return "[" + ", ".join(_inline(each) for each in value) + "]"
+        return "[" + ", ".join(_inline(inner) for inner in value) + "]"
     return str(value).lower() if value is not None else '""'
 
 
@@ -174,14 +174,14 @@ def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=True).replace("\x7f", "\\u007f")
 
 
-def _csv(content: bytes, chance: random.Random) -> bytes:
-    if chance.random() < 0.3:
-        return _everyday(content, chance)
+def _csv(content: bytes, rng: random.Random) -> bytes:
+    if rng.random() < 0.3:
+        return _everyday(content, rng)
     mark = ";" if b";" in content else ","
     rows = [line.split(mark) for line in content.decode().split("\n")]
-    at = chance.choice((0, chance.randrange(len(rows))))
-    cell = chance.randrange(len(rows[at]))
-    way = chance.randrange(9)
+    at = rng.choice((0, rng.randrange(len(rows))))
+    cell = rng.randrange(len(rows[at]))
+    way = rng.randrange(9)
     if way == 0:
         rows[at].pop(cell)
     elif way == 1:
@@ -192,13 +192,13 @@ def _csv(content: bytes, chance: random.Random) -> bytes:
     elif way == 3:
         rows.insert(at, rows[at][:])
     elif way == 4:
-        chance.shuffle(rows)
+        rng.shuffle(rows)
     elif way == 5:
-        factor = chance.choice((-1.0, 0.0, 1e-3, 1e3, 57.3, 1e12))
+        factor = rng.choice((-1.0, 0.0, 1e-3, 1e3, 57.3, 1e12))
         for row in rows[1:]:
-            row[cell : cell + 1] = [_scaled(each, factor) for each in row[cell : cell + 1]]
+            row[cell : cell + 1] = [_scaled(number, factor) for number in row[cell : cell + 1]]
     else:
-        rows[at][cell] = chance.choice(CELLS)
+        rows[at][cell] = rng.choice(CELLS)
     return "\n".join(mark.join(row) for row in rows).encode()
 
 
@@ -207,21 +207,21 @@ NAMES = ("\u65f6\u95f4", "x" * 300, "t", "sec", "nanosec", "time [h]", "---", "1
 BEFORE = ("sep=;\n", "\ufeff", "# made by us\n", "\n\n", "a,b,c\n", "[-],[N],[m]\n", "PK\x03\x04")
 
 
-def _everyday(content: bytes, chance: random.Random) -> bytes:
+def _everyday(content: bytes, rng: random.Random) -> bytes:
     """Return a table as another program writes it."""
-    text, way = content.decode(), chance.randrange(4)
+    text, way = content.decode(), rng.randrange(4)
     if way == 0:
-        return text.replace(*chance.choice(LAYOUTS)).encode()
+        return text.replace(*rng.choice(LAYOUTS)).encode()
     if way == 1:
-        return (chance.choice(BEFORE) + text).encode(chance.choice(("utf-8", "utf-16", "cp1252")), errors="replace")
+        return (rng.choice(BEFORE) + text).encode(rng.choice(("utf-8", "utf-16", "cp1252")), errors="replace")
     lines = text.split("\n")
     mark = ";" if ";" in text else ","
     if way == 2:
-        lines.insert(1, mark.join(chance.choice(("-", "N", "[mm]", "", "m/s")) for _ in lines[0].split(mark)))
+        lines.insert(1, mark.join(rng.choice(("-", "N", "[mm]", "", "m/s")) for _ in lines[0].split(mark)))
         return "\n".join(lines).encode()
-    at = chance.randrange(min(3, len(lines)))
+    at = rng.randrange(min(3, len(lines)))
     row = lines[at].split(mark)
-    row[chance.randrange(len(row))] = chance.choice(NAMES)
+    row[rng.randrange(len(row))] = rng.choice(NAMES)
     lines[at] = mark.join(row)
     return "\n".join(lines).encode()
 
@@ -250,18 +250,18 @@ TOKENS = (
 )
 
 
-def _python(content: bytes, chance: random.Random) -> bytes:
+def _python(content: bytes, rng: random.Random) -> bytes:
     """Return code with a statement put before one, a line gone or doubled, or a word changed."""
-    lines, way = content.decode().split("\n"), chance.randrange(4)
-    at = chance.randrange(len(lines))
+    lines, way = content.decode().split("\n"), rng.randrange(4)
+    at = rng.randrange(len(lines))
     if way == 0:
         indent = lines[at][: len(lines[at]) - len(lines[at].lstrip())]
-        lines.insert(at, indent + chance.choice(STATEMENTS))
+        lines.insert(at, indent + rng.choice(STATEMENTS))
     elif way == 1:
-        lines[at : at + 1] = [[], lines[at : at + 1] * 2][chance.randrange(2)]
+        lines[at : at + 1] = [[], lines[at : at + 1] * 2][rng.randrange(2)]
     else:
         able = [(k, pair) for k, line in enumerate(lines) for pair in TOKENS if pair[0] in line]
-        at, pair = chance.choice(able)
+        at, pair = rng.choice(able)
         lines[at] = lines[at].replace(*pair, 1)
     return "\n".join(lines).encode()
 
@@ -276,33 +276,33 @@ def _scaled(cell: str, factor: float) -> str:
 ET.register_namespace("xacro", "http://www.ros.org/wiki/xacro")
 
 
-def _xml(content: bytes, chance: random.Random) -> bytes:
+def _xml(content: bytes, rng: random.Random) -> bytes:
     root = ET.fromstring(content)
-    parent = chance.choice([each for each in root.iter() if len(each)])
-    child = chance.choice(list(parent))
-    way = chance.randrange(6)
+    parent = rng.choice([element for element in root.iter() if len(element)])
+    child = rng.choice(list(parent))
+    way = rng.randrange(6)
     if way == 0:
         parent.remove(child)
     elif way == 1:
         parent.append(copy.deepcopy(child))
     elif way == 2:
         parent.remove(child)
-        chance.choice(list(root.iter())).append(child)
+        rng.choice(list(root.iter())).append(child)
     elif way == 3:
-        child.tag = chance.choice((child.tag + "s", "link", "geometry", "joint", "mesh", "box", "xacro:if"))
+        child.tag = rng.choice((child.tag + "s", "link", "geometry", "joint", "mesh", "box", "xacro:if"))
     else:
-        _change_attribute(chance.choice([each for each in root.iter() if each.attrib]), chance)
+        _change_attribute(rng.choice([element for element in root.iter() if element.attrib]), rng)
     return ET.tostring(root)
 
 
-def _change_attribute(element: ET.Element, chance: random.Random) -> None:
-    name = chance.choice(list(element.attrib))
-    if chance.random() < 0.2:
+def _change_attribute(element: ET.Element, rng: random.Random) -> None:
+    name = rng.choice(list(element.attrib))
+    if rng.random() < 0.2:
         del element.attrib[name]
         return
-    numbers = (" ".join(chance.choice(("0", "1", "-1", "1e5", "nan", "1e-9")) for _ in range(3)), "1e308", "-1", "0")
+    numbers = (" ".join(rng.choice(("0", "1", "-1", "1e5", "nan", "1e-9")) for _ in range(3)), "1e308", "-1", "0")
     texts = ("", "x", "1 2", "\u00e4", "base", "fixed", "planar", "floating", "prismatic", "[b]", "a\nb")
-    element.set(name, chance.choice(numbers + texts))
+    element.set(name, rng.choice(numbers + texts))
 
 
 ARRAYS = (
@@ -325,125 +325,119 @@ DTYPES = ("<f8", "|O", "|S3", "<U9", "<c16", "|b1", ">f4", "<M8[ns]", "|V8", "[(
 HEIGHTS = (1e20, -9999.0, np.nan, np.inf, 1e308, 32767.0, -1e-320, 5.0)
 
 
-def _npy(content: bytes, chance: random.Random) -> bytes:
+def _npy(content: bytes, rng: random.Random) -> bytes:
     """Return an array of another type, shape or with strange heights, or the same numbers under a header that lies."""
-    array, made = np.load(io.BytesIO(content)), io.BytesIO()
-    way = chance.randrange(3)
+    array, buffer = np.load(io.BytesIO(content)), io.BytesIO()
+    way = rng.randrange(3)
     if way == 0:
-        header = {
-            "descr": chance.choice(DTYPES),
-            "fortran_order": chance.random() < 0.3,
-            "shape": chance.choice(SHAPES),
-        }
-        np.lib.format.write_array_header_1_0(made, header)
-        return made.getvalue() + array.tobytes()
+        header = {"descr": rng.choice(DTYPES), "fortran_order": rng.random() < 0.3, "shape": rng.choice(SHAPES)}
+        np.lib.format.write_array_header_1_0(buffer, header)
+        return buffer.getvalue() + array.tobytes()
     if way == 1:
-        array = chance.choice(ARRAYS)(array)
+        array = rng.choice(ARRAYS)(array)
     else:
         array = array.astype(float)
-        array.flat[[chance.randrange(array.size) for _ in range(chance.choice((1, 3, array.size)))]] = chance.choice(
-            HEIGHTS
-        )
-    np.save(made, array, allow_pickle=True)
-    return made.getvalue()
+        array.flat[[rng.randrange(array.size) for _ in range(rng.choice((1, 3, array.size)))]] = rng.choice(HEIGHTS)
+    np.save(buffer, array, allow_pickle=True)
+    return buffer.getvalue()
 
 
-def _mat(content: bytes, chance: random.Random) -> bytes:
+def _mat(content: bytes, rng: random.Random) -> bytes:
     """Return a .mat of other arrays, nested, of other versions, or with what holds no numbers."""
     from scipy.io import loadmat, savemat
 
     table = {name: value for name, value in loadmat(io.BytesIO(content)).items() if not name.startswith("__")}
-    name = chance.choice(list(table))
+    name = rng.choice(list(table))
     others = (
         *("text", ["a", "b"], {"x": table[name]}, {}, np.array(["a", 1.0], dtype=object), np.zeros((0, 3)), np.nan),
         *(np.arange(3.0), np.array([[1 + 2j]]), np.zeros((2, 2, 2)), True, {"a": {"b": {"c": np.arange(40.0)}}}),
     )
-    table[chance.choice((name, "other"))] = chance.choice(others)
-    made = io.BytesIO()
+    table[rng.choice((name, "other"))] = rng.choice(others)
+    buffer = io.BytesIO()
     try:
-        savemat(made, table, format=chance.choice(("5", "5", "4")), do_compression=chance.random() < 0.5)
+        savemat(buffer, table, format=rng.choice(("5", "5", "4")), do_compression=rng.random() < 0.5)
     except (TypeError, ValueError):  # what version 4 cannot hold
-        savemat(made, table)
-    return made.getvalue()
+        savemat(buffer, table)
+    return buffer.getvalue()
 
 
-def _png(content: bytes, chance: random.Random) -> bytes:
+def _png(content: bytes, rng: random.Random) -> bytes:
     """Return a picture of another mode or size, or with a head that states another one."""
     from PIL import Image
 
-    way, made = chance.randrange(3), io.BytesIO()
+    way, buffer = rng.randrange(3), io.BytesIO()
     if way == 0:
-        at = chance.choice((16, 20, 24, 25, 28))
-        return content[:at] + bytes(chance.randrange(256) for _ in range(4)) + content[at + 4 :]
+        at = rng.choice((16, 20, 24, 25, 28))
+        return content[:at] + bytes(rng.randrange(256) for _ in range(4)) + content[at + 4 :]
     with Image.open(io.BytesIO(content)) as image:
         changed = (
-            image.convert(chance.choice(("1", "L", "RGB", "RGBA", "LA", "P")))
+            image.convert(rng.choice(("1", "L", "RGB", "RGBA", "LA", "P")))
             if way == 1
-            else image.resize((chance.choice((1, 2, 300)), chance.choice((1, 2, 300))))
+            else image.resize((rng.choice((1, 2, 300)), rng.choice((1, 2, 300))))
         )
-        changed.save(made, format="png")
-    return made.getvalue()
+        changed.save(buffer, format="png")
+    return buffer.getvalue()
 
 
-def _esri(content: bytes, chance: random.Random) -> bytes:
+def _esri(content: bytes, rng: random.Random) -> bytes:
     """Return a grid with another word somewhere, most often in its head."""
     words = content.decode().split(" ")
-    at = chance.choice((chance.randrange(min(12, len(words))), chance.randrange(len(words))))
-    words[at] = chance.choice((*CELLS, "-9999", "1e20", "ncols", "100000", "NODATA_value", "\n", *(["0.02"] * 6)))
+    at = rng.choice((rng.randrange(min(12, len(words))), rng.randrange(len(words))))
+    words[at] = rng.choice((*CELLS, "-9999", "1e20", "ncols", "100000", "NODATA_value", "\n", *(["0.02"] * 6)))
     return " ".join(words).encode()
 
 
-def _npz(content: bytes, chance: random.Random) -> bytes:
+def _npz(content: bytes, rng: random.Random) -> bytes:
     with np.load(io.BytesIO(content)) as file:
         arrays = {name: file[name] for name in file.files}
-    name, way = chance.choice(list(arrays)), chance.randrange(4)
+    name, way = rng.choice(list(arrays)), rng.randrange(4)
     if way == 0:
         del arrays[name]
     elif way == 1:
-        arrays[chance.choice((name + "s", "\u00e4", "x0"))] = arrays.pop(name)
+        arrays[rng.choice((name + "s", "\u00e4", "x0"))] = arrays.pop(name)
     else:
-        arrays[name] = chance.choice(ARRAYS)(arrays[name])
-    made = io.BytesIO()
-    np.savez(made, **arrays)
-    return made.getvalue()
+        arrays[name] = rng.choice(ARRAYS)(arrays[name])
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    return buffer.getvalue()
 
 
-def _parquet(content: bytes, chance: random.Random) -> bytes:
+def _parquet(content: bytes, rng: random.Random) -> bytes:
     table = pyarrow.parquet.read_table(io.BytesIO(content))
-    held = (table.schema.metadata or {}).get(b"rover_pin")
-    if held and chance.random() < 0.5:
-        return _packed(table.replace_schema_metadata({b"rover_pin": _json(held, chance)}))
-    at, way = chance.randrange(table.num_columns), chance.randrange(6)
+    metadata = (table.schema.metadata or {}).get(b"rover_pin")
+    if metadata and rng.random() < 0.5:
+        return _packed(table.replace_schema_metadata({b"rover_pin": _json(metadata, rng)}))
+    at, way = rng.randrange(table.num_columns), rng.randrange(6)
     name, rows = table.column_names[at], table.num_rows
     if way == 0:
         table = table.remove_column(at)
     elif way == 1:
-        table = table.rename_columns([*table.column_names[:at], chance.choice(KEYS), *table.column_names[at + 1 :]])
+        table = table.rename_columns([*table.column_names[:at], rng.choice(KEYS), *table.column_names[at + 1 :]])
     elif way == 2:
         table = table.append_column(name, table.column(at))
     elif way == 3:
-        table = table.slice(0, chance.choice((0, 1)))
+        table = table.slice(0, rng.choice((0, 1)))
     elif way == 4:
-        about = chance.choice((b"", b"{", b"[]", b'{"units": 3}', b'{"units": {"body_x": 3}, "attrs": []}', b"\xff"))
-        table = table.replace_schema_metadata({b"rover_pin": about, b"pandas": b"{"})
+        choices = rng.choice((b"", b"{", b"[]", b'{"units": 3}', b'{"units": {"body_x": 3}, "attrs": []}', b"\xff"))
+        table = table.replace_schema_metadata({b"rover_pin": choices, b"pandas": b"{"})
     else:
-        other = chance.choice(
+        second = rng.choice(
             (["x"] * rows, [None] * rows, [[1.0]] * rows, [b"\xff"] * rows, [True] * rows, [{"a": 1}] * rows,
              [datetime.date(2026, 1, 1)] * rows, [10**18] * rows, [float("inf")] * rows)
         )  # fmt: skip
-        table = table.set_column(at, name, pyarrow.array(other))
+        table = table.set_column(at, name, pyarrow.array(second))
     return _packed(table)
 
 
-def _json(content: bytes, chance: random.Random) -> bytes:
-    if chance.random() < 0.2:
-        return chance.choice((_bytes(content, chance), b"[" * 50_000, b"null", b"3"))
+def _json(content: bytes, rng: random.Random) -> bytes:
+    if rng.random() < 0.2:
+        return rng.choice((_bytes(content, rng), b"[" * 50_000, b"null", b"3"))
     tree = json.loads(content)
-    _change_node(tree, chance)
+    _change_node(tree, rng)
     return json.dumps(tree, default=str).encode()
 
 
 def _packed(table: pyarrow.Table) -> bytes:
-    made = io.BytesIO()
-    pyarrow.parquet.write_table(table, made)
-    return made.getvalue()
+    buffer = io.BytesIO()
+    pyarrow.parquet.write_table(table, buffer)
+    return buffer.getvalue()

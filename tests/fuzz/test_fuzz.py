@@ -47,7 +47,7 @@ def test_every_command_on_a_folder_is_accepted(tmp_path, folder, line):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    return next(each for each in valid.cases(tmp_path_factory.mktemp("made")) if each.name == "commands")
+    return next(case for case in valid.cases(tmp_path_factory.mktemp("made")) if case.name == "commands")
 
 
 def test_a_sample_of_inputs(tmp_path):
@@ -68,7 +68,7 @@ def test_ten_thousand_inputs(tmp_path, seed, capsys):
         )
     assert_kept(tally)
     for reader in {name for name, _ in tally.counts}:
-        assert min(tally.counts[reader, how] for how in ("accepted", "refused")) > 0, reader
+        assert min(tally.counts[reader, outcome_kind] for outcome_kind in ("accepted", "refused")) > 0, reader
 
 
 def test_an_input_depends_on_its_number_alone(tmp_path):
@@ -114,15 +114,15 @@ def test_whatever_a_message_quotes_it_is_one_printable_line(text, line):
 
 OPENED = []
 """The files that Python opened while a list of them is kept here."""
-sys.addaudithook(lambda event, given: OPENED[-1].append(str(given[0])) if event == "open" and OPENED else None)
+sys.addaudithook(lambda event, value: OPENED[-1].append(str(value[0])) if event == "open" and OPENED else None)
 WORD = re.compile(r'"([^"\n]*)"')
 
 
 def named_instead(content, path):
     """Yield a TOML or URDF once for each text in it, which then names a file."""
-    for found in WORD.finditer(content.decode()):
+    for match in WORD.finditer(content.decode()):
         text = content.decode()
-        yield found[1], (text[: found.start(1)] + path + text[found.end(1) :]).encode()
+        yield match[1], (text[: match.start(1)] + path + text[match.end(1) :]).encode()
 
 
 @pytest.mark.parametrize("way", ["absolute", pytest.param("relative", marks=pytest.mark.slow)])
@@ -131,18 +131,18 @@ def test_whatever_a_file_names_is_opened_in_its_folder_alone(tmp_path, monkeypat
     secret = tmp_path / "outside" / "secret.csv"
     secret.parent.mkdir()
     secret.write_text("password,hunter2\n1,2\n")
-    given = str(secret) if way == "absolute" else "../outside/secret.csv"
+    named_path = str(secret) if way == "absolute" else "../outside/secret.csv"
     tried = 0
-    readers = (each for each in valid.cases(tmp_path / "made") if "parquet" not in each.name and each.name != "nexus6")
+    readers = (path for path in valid.cases(tmp_path / "made") if "parquet" not in path.name and path.name != "nexus6")
     for reader in readers:  # those left out name files as others do
         for file, content in reader.files.items():
-            for word, changed in named_instead(content, given) if file.endswith(".toml") else ():
+            for word, changed in named_instead(content, named_path) if file.endswith(".toml") else ():
                 reader.lay(tmp_path / "input", {file: changed})
                 monkeypatch.chdir(tmp_path / "input")
                 OPENED.append([])
-                told = contract.outcome(lambda reader=reader: reader.read(tmp_path / "input"))
-                opened = {Path(each).resolve() for each in OPENED.pop()}
+                outcome = contract.outcome(lambda reader=reader: reader.read(tmp_path / "input"))
+                opened = {Path(path).resolve() for path in OPENED.pop()}
                 assert secret not in opened, (reader.name, file, word)
-                assert told in ("accepted", "refused"), (reader.name, file, word, told)
+                assert outcome in ("accepted", "refused"), (reader.name, file, word, outcome)
                 tried += 1
     assert tried > 100

@@ -236,17 +236,22 @@ def cases(scratch: Path) -> list[Case]:
     rig = {"rig.toml": RIG.encode(), "points.csv": POINTS.encode(), "penetration.csv": PENETRATION.encode()}
     packed = {**rig, "rig.toml": RIG.replace("points.csv", "points.parquet").encode(), "points.parquet": _points()}
     log = {**ground, "drive.toml": DRIVE.replace("FORMAT", "csv").encode(), "run.csv": _run_csv()}
-    other = {**ground, "drive.toml": DRIVE.replace("FORMAT", "parquet").encode(), "run.parquet": _run_parquet(scratch)}
+    other_files = {
+        **ground,
+        "drive.toml": DRIVE.replace("FORMAT", "parquet").encode(),
+        "run.parquet": _run_parquet(scratch),
+    }
     rovers = rover_folder()
     cart, nexus6 = (
-        {name: (rovers / name).read_bytes() for name in (f"{each}.toml", f"{each}.urdf")} for each in ("cart", "nexus6")
+        {name: (rovers / name).read_bytes() for name in (f"{rover_name}.toml", f"{rover_name}.urdf")}
+        for rover_name in ("cart", "nexus6")
     )
     return [
         Case("rig", rig, _rig, share=2.0),
         Case("rig in parquet", packed, _rig, ("points.parquet",), 0.5),
         Case("drive log", log, _drive, share=1.5),
-        Case("drive log in parquet", other, _drive, ("run.parquet",), 0.5),
-        *([Case("drive log of a bag", made, lambda at: read_drive_log(at))] if (made := _bag(scratch)) else []),
+        Case("drive log in parquet", other_files, _drive, ("run.parquet",), 0.5),
+        *([Case("drive log of a bag", bag, lambda at: read_drive_log(at))] if (bag := _bag(scratch)) else []),
         Case("cart", cart, lambda at: _rover(at / "cart.toml"), share=2.0),
         Case("own rover", _own_rover(), _own, share=1.5),
         Case("nexus6", nexus6, lambda at: _rover(at / "nexus6.toml"), share=0.5),
@@ -268,8 +273,8 @@ def cases(scratch: Path) -> list[Case]:
         Case("grid in mat", {"dem.mat": _raster("mat")}, lambda at: from_grid(at / "dem.mat", 0.1), share=0.5),
         Case("matrix in csv", {"dem.csv": MATRIX.encode()}, lambda at: from_grid(at / "dem.csv", 0.1), share=0.5),
         *(
-            [Case("grid in geotiff", {"dem.tif": made}, lambda at: from_grid(at / "dem.tif"))]
-            if (made := _geotiff())
+            [Case("grid in geotiff", {"dem.tif": bag}, lambda at: from_grid(at / "dem.tif"))]
+            if (bag := _geotiff())
             else []
         ),
         *[Case(f"mesh in {kind}", {f"a.{kind}": mesh}, _mesh, share=0.4) for kind, mesh in _meshes().items()],
@@ -288,8 +293,8 @@ def cases(scratch: Path) -> list[Case]:
 def _doors(scratch: Path, rig: dict[str, bytes]) -> list[Case]:
     texts = {"model.toml": RIG_MODEL.encode(), "tuning.toml": TUNING.encode()}
     return [
-        Case(name, made, doors.READ[name], doors.VICTIMS.get(name, ()), doors.SHARES.get(name, 0.5))
-        for name, made in doors.files(scratch, rig, _own_rover(), texts).items()
+        Case(name, file, doors.READ[name], doors.VICTIMS.get(name, ()), doors.SHARES.get(name, 0.5))
+        for name, file in doors.files(scratch, rig, _own_rover(), texts).items()
     ]
 
 
@@ -320,9 +325,9 @@ def _rover(path: Path) -> None:
 def _own_rover() -> dict[str, bytes]:
     """A rocker-bogie with an arm and a bar, and every table that a rover's TOML may have."""
     spec = importlib.util.spec_from_file_location("rover_farm", Path(__file__).parents[1] / "rover" / "farm.py")
-    made = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(made)
-    farm = made.rocker_bogie().link("bar", "body", "revolute", "0 0 0.5", "0 0 1", mass=3.0)
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    farm = module.rocker_bogie().link("bar", "body", "revolute", "0 0 0.5", "0 0 1", mass=3.0)
     farm.link("mast", "body", "revolute", "0.2 0 0.4", "0 0 1").link(
         "rod", "mast_link", "prismatic", "0 0 0.1", "1 0 0"
     )
@@ -335,7 +340,7 @@ def _own_rover() -> dict[str, bytes]:
             "tied_sides": True,
             "cut": [],
         },
-        **{**made.THREE_AXLES, **made.ROCKERS, "wheel": {"r": 0.15, "b": 0.1}},
+        **{**module.THREE_AXLES, **module.ROCKERS, "wheel": {"r": 0.15, "b": 0.1}},
         "coupled": {"bar": {"joint": "rocker_l", "ratio": -0.5}},
         "held": {"mast": {"value": 20, "unit": "deg"}, "rod": 0.1},
         "springs": {"bogie": {"k_s": 30.0, "d": 2.0}},
@@ -372,8 +377,8 @@ def read_words(folder: Path) -> None:
         {"POINTS": str(folder / "points.csv"), "ROVER": str(rover_folder() / "cart.toml")}.get(word, word)
         for word in line.split("\t")
     ]
-    said = io.StringIO()
-    with redirect_stdout(said), redirect_stderr(said), patch.object(Scenario, "drive", _stopped):
+    output = io.StringIO()
+    with redirect_stdout(output), redirect_stderr(output), patch.object(Scenario, "drive", _stopped):
         try:
             app.app(words)
         except SystemExit as left:
@@ -388,16 +393,16 @@ def _stopped(scenario: Scenario, progress: object = None) -> None:
 
 
 def _points() -> bytes:
-    made = io.BytesIO()
-    pd.read_csv(io.StringIO(POINTS)).to_parquet(made)
-    return made.getvalue()
+    buffer = io.BytesIO()
+    pd.read_csv(io.StringIO(POINTS)).to_parquet(buffer)
+    return buffer.getvalue()
 
 
 def _run(count: int = 60) -> dict[str, np.ndarray]:
     t = 0.2 * np.arange(count)
     duty = np.where(t < 6.0, 0.5, 0.7)
-    chance = np.random.default_rng(0)
-    sees = lambda sd: sd * chance.standard_normal(count)  # noqa: E731
+    rng = np.random.default_rng(0)
+    sees = lambda sd: sd * rng.standard_normal(count)  # noqa: E731
     run = {"t_s": t}
     for wheel in ("fl", "fr", "bl", "br"):
         run |= {
@@ -424,20 +429,20 @@ def _run_parquet(scratch: Path) -> bytes:
 
 
 def _grid() -> bytes:
-    made, z = io.BytesIO(), 0.02 * np.random.default_rng(0).standard_normal((5, 4))
-    np.savez(made, x0=0.0, y0=-1.0, dx=0.5, dy=0.5, z=z, ground=np.zeros((4, 3), dtype=int))
-    return made.getvalue()
+    buffer, z = io.BytesIO(), 0.02 * np.random.default_rng(0).standard_normal((5, 4))
+    np.savez(buffer, x0=0.0, y0=-1.0, dx=0.5, dy=0.5, z=z, ground=np.zeros((4, 3), dtype=int))
+    return buffer.getvalue()
 
 
 def _raster(kind: str) -> bytes:
-    made, z = io.BytesIO(), np.arange(20, dtype=np.uint16).reshape(5, 4)
+    buffer, z = io.BytesIO(), np.arange(20, dtype=np.uint16).reshape(5, 4)
     if kind == "npy":
-        np.save(made, 0.01 * z)
+        np.save(buffer, 0.01 * z)
     elif kind == "mat":
-        savemat(made, {"z": 0.01 * z})
+        savemat(buffer, {"z": 0.01 * z})
     else:
-        Image.fromarray(1000 * z).save(made, format="png")
-    return made.getvalue()
+        Image.fromarray(1000 * z).save(buffer, format="png")
+    return buffer.getvalue()
 
 
 def _geotiff() -> bytes:
@@ -457,8 +462,8 @@ def _geotiff() -> bytes:
 def _meshes() -> dict[str, bytes]:
     """Return a small mesh in each format that is read."""
     box = trimesh.creation.box()
-    made = {kind: box.export(file_type=kind) for kind in ("stl", "obj", "ply")}
-    return {kind: mesh.encode() if isinstance(mesh, str) else mesh for kind, mesh in made.items()}
+    mesh_files = {kind: box.export(file_type=kind) for kind in ("stl", "obj", "ply")}
+    return {kind: mesh.encode() if isinstance(mesh, str) else mesh for kind, mesh in mesh_files.items()}
 
 
 def _mesh(folder: Path) -> None:
@@ -482,12 +487,12 @@ def _bag(scratch: Path) -> dict[str, bytes]:
     time, header = types.types["builtin_interfaces/msg/Time"], types.types["std_msgs/msg/Header"]
     state = types.types["sensor_msgs/msg/JointState"]
     with Writer(scratch / "run", version=9, storage_plugin=StoragePlugin.MCAP) as bag:
-        made = bag.add_connection("/joints", "sensor_msgs/msg/JointState", typestore=types)
+        connection = bag.add_connection("/joints", "sensor_msgs/msg/JointState", typestore=types)
         for i in range(30):
-            stamp, one = time(sec=1, nanosec=20_000_000 * i), np.ones(1)
+            stamp, rates = time(sec=1, nanosec=20_000_000 * i), np.ones(1)
             message = state(
-                header=header(stamp=stamp, frame_id=""), name=["fl"], position=one / 2, velocity=one, effort=one
+                header=header(stamp=stamp, frame_id=""), name=["fl"], position=rates / 2, velocity=rates, effort=rates
             )
-            bag.write(made, 1_000_000_000 + 20_000_000 * i, types.serialize_cdr(message, message.__msgtype__))
+            bag.write(connection, 1_000_000_000 + 20_000_000 * i, types.serialize_cdr(message, message.__msgtype__))
     (file,) = (scratch / "run").glob("*.mcap")
     return {"drive.toml": BAG.encode(), "run.mcap": file.read_bytes()}

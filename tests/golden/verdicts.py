@@ -40,9 +40,9 @@ def rig(effect, seed):
     return make
 
 
-def drive(hidden, **how):
+def drive(hidden, **options):
     """Return a maker of the folder of a small drive log."""
-    return lambda folder: drive_sets.write(folder, hidden, **how)
+    return lambda folder: drive_sets.write(folder, hidden, **options)
 
 
 FAST = {
@@ -61,27 +61,27 @@ MAKERS = FAST | SLOW
 
 def answer(name, folder):
     """Return the answer of the loop on one set."""
-    kept = close_the_loop(MAKERS[name](folder), jobs=1).as_dict()
-    own = "soil." if kept["kind"] == "wheel-rig" else "."
-    fitted = {key.removeprefix(own): one for key, one in kept["after"].items()}
+    stored = close_the_loop(MAKERS[name](folder), jobs=1).as_dict()
+    prefix = "soil." if stored["kind"] == "wheel-rig" else "."
+    fitted = {key.removeprefix(prefix): entry for key, entry in stored["after"].items()}
     sizes = {
-        key: [one["value"], one["low"], one["high"]]
-        for key, one in fitted.items()
-        if "." not in key or key.partition(".")[0].partition("[")[0] in kept["effects"]
+        key: [entry["value"], entry["low"], entry["high"]]
+        for key, entry in fitted.items()
+        if "." not in key or key.partition(".")[0].partition("[")[0] in stored["effects"]
     }
-    held_out = {one["name"]: [one["before"], one["after"]] for one in kept["held_out"]}
-    return {"answer": kept["answer"], "effects": kept["effects"], "alike": kept["alike"], "sizes": sizes} | {
+    held_out = {entry["name"]: [entry["before"], entry["after"]] for entry in stored["held_out"]}
+    return {"answer": stored["answer"], "effects": stored["effects"], "alike": stored["alike"], "sizes": sizes} | {
         "held_out": held_out
     }
 
 
 def freeze():
     """Write today's answers of the sets named on the command line, or of all."""
-    kept = json.loads(FROZEN.read_text(encoding="utf-8")) if FROZEN.exists() else {}
+    stored = json.loads(FROZEN.read_text(encoding="utf-8")) if FROZEN.exists() else {}
     for name in sys.argv[1:] or MAKERS:
         with tempfile.TemporaryDirectory() as folder:
-            kept[name] = answer(name, Path(folder) / "set")
-    FROZEN.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+            stored[name] = answer(name, Path(folder) / "set")
+    FROZEN.write_text(json.dumps(stored, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -26,17 +26,17 @@ def joints(at, stamp):
 
 def bag(folder, shift=0):
     """Wheel rates at 20 Hz with a gap of a second, their stamps shifted, and a number without a stamp."""
-    with Writer(folder / "bag", version=8) as made:
-        told = [made.add_connection(*each, typestore=ROS) for each in
+    with Writer(folder / "bag", version=8) as writer:
+        connections = [writer.add_connection(*topic, typestore=ROS) for topic in
                 (("/joints", "sensor_msgs/msg/JointState"), ("/level", "std_msgs/msg/Float64"))]  # fmt: skip
         for at in range(BEGIN, BEGIN + 100 * STEP, STEP):
             messages = [
                 joints(at, at + (shift(at) if callable(shift) else shift)),
                 ROS.types["std_msgs/msg/Float64"](data=(at - BEGIN) * 1e-9),
             ]
-            for one, message in zip(told, messages, strict=True):
-                if one.topic == "/level" or (at - BEGIN) // STEP not in MISSING:
-                    made.write(one, at, ROS.serialize_cdr(message, one.msgtype))
+            for connection, message in zip(connections, messages, strict=True):
+                if connection.topic == "/level" or (at - BEGIN) // STEP not in MISSING:
+                    writer.write(connection, at, ROS.serialize_cdr(message, connection.msgtype))
     return folder / "bag"
 
 
@@ -57,6 +57,6 @@ def test_stamps_that_are_no_times_give_way_to_those_of_receipt(shift, tmp_path):
     read = read_raw(bag(tmp_path, shift))
     assert any("times of receipt are taken: /joints" in note for note in read.notes)
     t, rate = (read.table[name].to_numpy() for name in ("t_s", "/joints.velocity[fr]"))
-    known = np.isfinite(rate)
-    assert rate[known] == pytest.approx(2.0 - t[known], abs=1e-6)
+    is_finite = np.isfinite(rate)
+    assert rate[is_finite] == pytest.approx(2.0 - t[is_finite], abs=1e-6)
     assert t[-1] == pytest.approx(99 * 0.05)

@@ -14,15 +14,15 @@ from tests.importing import recordings
 
 def imported(table, folder):
     table.to_csv(folder / "own.csv", index=False)
-    made = import_log([folder / "own.csv"], "cart", folder / "log")
-    return made, read_drive_log(folder / "log")
+    imported_log = import_log([folder / "own.csv"], "cart", folder / "log")
+    return imported_log, read_drive_log(folder / "log")
 
 
 def test_reversed_wheel_signs_of_a_slow_rover_are_corrected(tmp_path):
     """A centimetre a second, in turns a second: the sense does not hang on the size of the numbers."""
-    seen = recordings.truth()
-    table = pd.read_csv(recordings.plain(seen | {"t_s": 10.0 * seen["t_s"]}, tmp_path))
-    for name in [each for each in table if each.startswith("wheel_")]:
+    truth = recordings.truth()
+    table = pd.read_csv(recordings.plain(truth | {"t_s": 10.0 * truth["t_s"]}, tmp_path))
+    for name in [line for line in table if line.startswith("wheel_")]:
         turns = table.pop(name) / (10.0 * 2.0 * math.pi)
         table[name.replace("rad/s", "rev/s")] = -turns if "r_speed" in name else turns
     _, log = imported(table, tmp_path)
@@ -32,9 +32,9 @@ def test_reversed_wheel_signs_of_a_slow_rover_are_corrected(tmp_path):
 
 def test_run_begins_a_second_before_motion_and_states_duration(tmp_path):
     """The drive stands from 30 to 36 s."""
-    made, log = imported(pd.read_csv(recordings.plain(recordings.truth(), tmp_path)), tmp_path)
+    imported_log, log = imported(pd.read_csv(recordings.plain(recordings.truth(), tmp_path)), tmp_path)
     begins = []
-    for line, run in zip(made.runs, log.runs, strict=True):
+    for line, run in zip(imported_log.runs, log.runs, strict=True):
         lasts, begin = re.search(r"([\d.]+) s from ([\d.]+) s of ", line).groups()
         begins.append(float(begin))
         assert float(lasts) == pytest.approx(run.t[-1] - run.t[0], abs=0.6)

@@ -20,31 +20,33 @@ LACKS = {"geographic": ("body_z", "body_roll"), "twist": ("body_roll",)}
 
 
 @pytest.fixture(scope="module")
-def seen():
+def truth():
     return recordings.truth()
 
 
 def imported(path, folder, **options):
-    made = import_log([path], "cart", folder / "log", **options)
-    return made, read_drive_log(folder / "log")
+    imported_log = import_log([path], "cart", folder / "log", **options)
+    return imported_log, read_drive_log(folder / "log")
 
 
 @pytest.mark.parametrize("habit", recordings.HABITS)
-def test_the_same_drive_comes_out_of_every_habit(habit, seen, tmp_path):
-    made, log = imported(recordings.HABITS[habit](seen, tmp_path), tmp_path)
+def test_the_same_drive_comes_out_of_every_habit(habit, truth, tmp_path):
+    imported_log, log = imported(recordings.HABITS[habit](truth, tmp_path), tmp_path)
     assert len(log.runs) >= 2
-    begins = [float(line.split(" s from ")[1].split(" s of ")[0]) for line in made.runs]
+    begins = [float(line.split(" s from ")[1].split(" s of ")[0]) for line in imported_log.runs]
     for run, begin in zip(log.runs, begins, strict=True):
-        at = int(np.argmin(np.abs(seen["t_s"] - begin)))
+        at = int(np.argmin(np.abs(truth["t_s"] - begin)))
         rows = slice(at, at + len(run.t))
-        for name, values in seen.items():
+        for name, values in truth.items():
             if name in LACKS.get(habit, ()) or name == "t_s":
                 continue
-            own, true = run[name], values[rows]
+            imported_values, true = run[name], values[rows]
             if name in ("body_x", "body_y"):
-                own, true = own - own[0], true - true[0]
+                imported_values, true = imported_values - imported_values[0], true - true[0]
             if name == "body_yaw":
-                own = own - 2 * math.pi * np.round((own[0] - true[0]) / (2 * math.pi))
+                imported_values = imported_values - 2 * math.pi * np.round(
+                    (imported_values[0] - true[0]) / (2 * math.pi)
+                )
             tolerance = TOLERANCES.get(name, 1e-4)
             if habit in ("geographic", "twist") and name.startswith("wheel_rate"):
                 tolerance = 0.02
@@ -52,43 +54,45 @@ def test_the_same_drive_comes_out_of_every_habit(habit, seen, tmp_path):
                 tolerance = 0.1
             if habit == "geographic" and name in ("body_x", "body_y"):
                 tolerance = 1e-2
-            assert own == pytest.approx(true, abs=tolerance), name
+            assert imported_values == pytest.approx(true, abs=tolerance), name
     assert faults(log) == ()
     assert "their measured" in " ".join(map(str, findings(log)))
-    assert_guesses_are_marked(made, (tmp_path / "log" / "drive.toml").read_text())
+    assert_guesses_are_marked(imported_log, (tmp_path / "log" / "drive.toml").read_text())
 
 
-def assert_guesses_are_marked(made, text):
+def assert_guesses_are_marked(example, text):
     """Each column is told once, and is a guess in the TOML where it is one in what is told."""
     columns = tomllib.loads(text)["columns"]
-    told = [line.split(" = ")[0] for line in made.columns]
-    assert len(told) == len(set(told))
-    assert set(columns) <= set(told)
-    for name, line in zip(told, made.columns, strict=True):
-        (own,) = [each for each in text.splitlines() if each.startswith(f"{name} = ")] or [""]
-        assert ("GUESSED" in line) == ("GUESSED" in own)
+    named = [line.split(" = ")[0] for line in example.columns]
+    assert len(named) == len(set(named))
+    assert set(columns) <= set(named)
+    for name, line in zip(named, example.columns, strict=True):
+        (local,) = [line for line in text.splitlines() if line.startswith(f"{name} = ")] or [""]
+        assert ("GUESSED" in line) == ("GUESSED" in local)
 
 
 @pytest.mark.parametrize("kind", recordings.BAGS)
-def test_bags_of_other_writers_become_the_log_of_the_same_drive(kind, seen, tmp_path):
+def test_bags_of_other_writers_become_the_log_of_the_same_drive(kind, truth, tmp_path):
     """The wheels are known by their joints; the MCAP is written by the format's own library, not by the reader's."""
     for needed in ("rosbags", *(["mcap"] if kind == "mcap" else [])):
         pytest.importorskip(needed)
-    made, log = imported(recordings.BAGS[kind](seen, tmp_path), tmp_path)
+    imported_log, log = imported(recordings.BAGS[kind](truth, tmp_path), tmp_path)
     assert faults(log) == ()
-    begin = float(made.runs[0].split(" s from ")[1].split(" s of ")[0])
-    at = int(np.argmin(np.abs(seen["t_s"] - begin)))
+    begin = float(imported_log.runs[0].split(" s from ")[1].split(" s of ")[0])
+    at = int(np.argmin(np.abs(truth["t_s"] - begin)))
     for name in ("body_z", "body_pitch", "body_roll", "wheel_rate_fl", "wheel_rate_br"):
-        assert log.runs[0][name] == pytest.approx(seen[name][at : at + len(log.runs[0].t)], abs=1e-4), name
-    moved = [values - values[0] for values in (log.runs[0]["body_x"], seen["body_x"][at : at + len(log.runs[0].t)])]
-    assert moved[0] == pytest.approx(moved[1], abs=1e-3)
+        assert log.runs[0][name] == pytest.approx(truth[name][at : at + len(log.runs[0].t)], abs=1e-4), name
+    from_start = [
+        values - values[0] for values in (log.runs[0]["body_x"], truth["body_x"][at : at + len(log.runs[0].t)])
+    ]
+    assert from_start[0] == pytest.approx(from_start[1], abs=1e-3)
 
 
 def test_most_informative_parts_of_a_long_recording_are_kept(tmp_path):
     long = recordings.truth(seconds=900.0)
-    made, log = imported(recordings.plain(long, tmp_path), tmp_path, most=4)
+    imported_log, log = imported(recordings.plain(long, tmp_path), tmp_path, most=4)
     assert len(log.runs) == 4
-    assert any("4 of " in note and "most informative" in note for note in made.notes)
+    assert any("4 of " in note and "most informative" in note for note in imported_log.notes)
     reached = [float(np.ptp(run["body_pitch"])) for run in log.runs]
     assert max(reached) > 0.2
 
@@ -101,20 +105,20 @@ def test_long_recordings_tell_how_far_they_are(tmp_path, monkeypatch, caplog):
         _, log = imported(path, tmp_path)
         refuse_unfit(log)
         findings(log)
-    said = [record.getMessage() for record in caplog.records]
-    assert said[0] == "reading plain.csv: 0 MB"
+    messages = [record.getMessage() for record in caplog.records]
+    assert messages[0] == "reading plain.csv: 0 MB"
     for what in ("runs written", "runs read", "runs looked at for faults", "runs checked"):
-        assert any(line.startswith(f"{what}: 1 of {len(log.runs)}, about ") for line in said), what
+        assert any(line.startswith(f"{what}: 1 of {len(log.runs)}, about ") for line in messages), what
 
 
-def test_odometry_alone_is_taken_marked_and_then_refused(seen, tmp_path):
-    table = pd.read_csv(recordings.plain(seen, tmp_path))
+def test_odometry_alone_is_taken_marked_and_then_refused(truth, tmp_path):
+    table = pd.read_csv(recordings.plain(truth, tmp_path))
     rim = recordings.R * np.mean([table[f"wheel_{wheel}_speed [rad/s]"] for wheel in ("fl", "fr", "bl", "br")], axis=0)
     yaw = table["yaw [rad]"].to_numpy()
-    table["odom_x"], table["odom_y"] = (np.cumsum(0.1 * rim * each) for each in (np.cos(yaw), np.sin(yaw)))
+    table["odom_x"], table["odom_y"] = (np.cumsum(0.1 * rim * component) for component in (np.cos(yaw), np.sin(yaw)))
     table.drop(columns=["x [m]", "y [m]", "z [m]"]).to_csv(tmp_path / "odom.csv", index=False)
-    made, log = imported(tmp_path / "odom.csv", tmp_path)
-    assert any("odom_x" in line and "odometry" in line for line in made.columns)
+    imported_log, log = imported(tmp_path / "odom.csv", tmp_path)
+    assert any("odom_x" in line and "odometry" in line for line in imported_log.columns)
     assert "wheels' odometry" in str(faults(log)[0])
 
 
@@ -127,22 +131,22 @@ def test_odometry_alone_is_taken_marked_and_then_refused(seen, tmp_path):
         ("current_{}_A", "current_{}_A", None),
     ],
 )
-def test_currents_without_a_unit_are_counts(name, target, unit, seen, tmp_path):
-    table = pd.read_csv(recordings.plain(seen, tmp_path))
+def test_currents_without_a_unit_are_counts(name, target, unit, truth, tmp_path):
+    table = pd.read_csv(recordings.plain(truth, tmp_path))
     for at, wheel in enumerate(("fl", "fr", "bl", "br")):
-        table[name.format(wheel)] = np.round(500.0 + at + 100.0 * np.sin(seen["t_s"]))
+        table[name.format(wheel)] = np.round(500.0 + at + 100.0 * np.sin(truth["t_s"]))
     table.to_csv(tmp_path / "counts.csv", index=False)
-    made, log = imported(tmp_path / "counts.csv", tmp_path)
+    imported_log, log = imported(tmp_path / "counts.csv", tmp_path)
     factor = 1e-3 if unit == "mA" else 1.0
     assert np.ptp(log.runs[0][target.format("br")]) == pytest.approx(200.0 * factor, rel=0.02)
-    (line,) = [each for each in made.columns if each.startswith(target.format("br"))]
+    (line,) = [column for column in imported_log.columns if column.startswith(target.format("br"))]
     assert ("unknown scale" in line) == target.startswith("raw")
-    assert not any("motor currents" in each for each in made.lacks)
+    assert not any("motor currents" in lack for lack in imported_log.lacks)
 
 
 def without(names):
-    def write(seen, folder):
-        table = pd.read_csv(recordings.plain(seen, folder))
+    def write(truth, folder):
+        table = pd.read_csv(recordings.plain(truth, folder))
         table.drop(columns=[name for name in table if name.startswith(names)]).to_csv(folder / "less.csv", index=False)
         return folder / "less.csv"
 
@@ -150,7 +154,7 @@ def without(names):
 
 
 @pytest.mark.parametrize(
-    ("names", "said"),
+    ("names", "message"),
     [
         (("x [m]", "y [m]"), "position.*--column body_x='FORMULA'"),
         (("wheel_",), "column.*known"),
@@ -158,14 +162,14 @@ def without(names):
         (("time",), "column.*clock"),
     ],
 )
-def test_missing_columns_are_named_with_those_present(names, said, seen, tmp_path):
-    with pytest.raises(DataError, match=said) as error:
-        imported(without(names)(seen, tmp_path), tmp_path)
+def test_missing_columns_are_named_with_those_present(names, message, truth, tmp_path):
+    with pytest.raises(DataError, match=message) as error:
+        imported(without(names)(truth, tmp_path), tmp_path)
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "said"),
+    ("name", "content", "message"),
     [
         ("none.csv", None, "such file"),
         ("empty.csv", b"", "file.*rows"),
@@ -182,17 +186,17 @@ def test_missing_columns_are_named_with_those_present(names, said, seen, tmp_pat
         ),
     ],
 )
-def test_a_file_that_is_no_recording_is_refused_in_one_sentence(name, content, said, tmp_path):
+def test_a_file_that_is_no_recording_is_refused_in_one_sentence(name, content, message, tmp_path):
     if content is not None:
         (tmp_path / name).write_bytes(content)
-    with pytest.raises(DataError, match=said) as error:
+    with pytest.raises(DataError, match=message) as error:
         imported(tmp_path / name, tmp_path)
     assert "\n" not in str(error.value)
     assert not (tmp_path / "log").exists()
 
 
-def test_nothing_is_written_over(seen, tmp_path):
-    path = recordings.plain(seen, tmp_path)
+def test_nothing_is_written_over(truth, tmp_path):
+    path = recordings.plain(truth, tmp_path)
     imported(path, tmp_path)
     with pytest.raises(DataError, match=r"already.*another"):
         imported(path, tmp_path)
@@ -212,7 +216,11 @@ def test_dates_in_any_language_are_the_clock_and_rpm_the_wheels(habit, tmp_path)
     ahead = np.where(t < 20.0, 1.0, -1.0)
     rate = ahead * (0.8 + 0.2 * np.sin(t))
     x = np.cumsum(0.1 * 0.09 * rate)
-    columns = {"Datum a čas": [CLOCKS[habit](each % 60) for each in t], "X [mm]": 1e3 * x, "Y [mm]": 300.0 + 0.0 * x}
+    columns = {
+        "Datum a čas": [CLOCKS[habit](second % 60) for second in t],
+        "X [mm]": 1e3 * x,
+        "Y [mm]": 300.0 + 0.0 * x,
+    }
     columns |= {f"Otáčky {name} [RPM]": rate * 30 / math.pi for name in ("fl", "fr", "bl", "br")}
     pd.DataFrame(columns).to_csv(tmp_path / "jizda.csv", sep=";", decimal=",", index=False)
     _, log = imported(tmp_path / "jizda.csv", tmp_path)

@@ -79,16 +79,21 @@ def test_kept_layouts_are_of_forty_a_seed():
     assert wrong["habits"].str.contains("gear: 53").all()
 
 
-def table_of(seen, **columns):
-    plain = {"time [s]": seen["t_s"], "x [m]": seen["body_x"], "y [m]": seen["body_y"], "yaw [rad]": seen["body_yaw"]}
-    rates = {f"wheel_{name}_speed [rad/s]": seen[f"wheel_rate_{name}"] for name in WHEELS}
+def table_of(truth, **columns):
+    plain = {
+        "time [s]": truth["t_s"],
+        "x [m]": truth["body_x"],
+        "y [m]": truth["body_y"],
+        "yaw [rad]": truth["body_yaw"],
+    }
+    rates = {f"wheel_{name}_speed [rad/s]": truth[f"wheel_rate_{name}"] for name in WHEELS}
     return pd.DataFrame(plain | rates | columns)
 
 
 def imported(table, folder, **options):
     table.to_csv(folder / "own.csv", index=False)
-    made = import_log([folder / "own.csv"], "cart", folder / "log", **options)
-    return made, read_drive_log(folder / "log")
+    imported_log = import_log([folder / "own.csv"], "cart", folder / "log", **options)
+    return imported_log, read_drive_log(folder / "log")
 
 
 def test_counter_of_frames_is_no_clock(tmp_path):
@@ -102,12 +107,12 @@ def test_counter_of_frames_is_no_clock(tmp_path):
 
 
 def test_accelerometer_is_no_place_beside_latitude(tmp_path):
-    seen = recordings.truth()
-    table = table_of(seen, **{"e.a_X": -9.81 * seen["body_pitch"], "e.a_Y": 0.1 * seen["body_roll"]})
-    lat = 48.1 + seen["body_y"] / 111_200.4
-    table = table.drop(columns=["x [m]", "y [m]"]).assign(latitude=lat, longitude=11.5 + seen["body_x"] / 74_514.4)
-    made, _ = imported(table, tmp_path)
-    assert any(line.startswith("body_x = east(latitude, longitude)") for line in made.columns)
+    truth = recordings.truth()
+    table = table_of(truth, **{"e.a_X": -9.81 * truth["body_pitch"], "e.a_Y": 0.1 * truth["body_roll"]})
+    lat = 48.1 + truth["body_y"] / 111_200.4
+    table = table.drop(columns=["x [m]", "y [m]"]).assign(latitude=lat, longitude=11.5 + truth["body_x"] / 74_514.4)
+    imported_log, _ = imported(table, tmp_path)
+    assert any(line.startswith("body_x = east(latitude, longitude)") for line in imported_log.columns)
 
 
 def test_wheel_is_found_between_words_only(tmp_path):
@@ -117,8 +122,8 @@ def test_wheel_is_found_between_words_only(tmp_path):
     random = np.random.default_rng(2)
     for name in WHEELS:
         table[f"e.current_{name}"] = random.normal(3.0, 1.0, len(table))
-    made, _ = imported(table, tmp_path)
-    sources = [line.split(" = ")[1].split("  ")[0] for line in made.columns if line.startswith("raw_current")]
+    imported_log, _ = imported(table, tmp_path)
+    sources = [line.split(" = ")[1].split("  ")[0] for line in imported_log.columns if line.startswith("raw_current")]
     assert sources == [f"e.current_{name}" for name in WHEELS]
 
 
@@ -140,49 +145,53 @@ def test_rims_beyond_what_a_rover_can_are_refused(tmp_path):
 
 def test_places_that_do_not_move_with_the_wheels_are_asked_about(tmp_path):
     table = table_of(recordings.truth())
-    other = recordings.truth(seed=8)
-    table["x [m]"], table["y [m]"] = other["body_y"][::-1] * 3.0, np.random.default_rng(1).normal(0, 1, len(table))
+    truth = recordings.truth(seed=8)
+    table["x [m]"], table["y [m]"] = truth["body_y"][::-1] * 3.0, np.random.default_rng(1).normal(0, 1, len(table))
     with pytest.raises(DataError, match=r"--column"):
         imported(table, tmp_path)
 
 
 def test_north_east_down_is_seen_by_the_wheels(tmp_path):
     """In a mirror heading and track agree; that the right wheels run faster to the left tells it."""
-    seen = recordings.truth()
-    table = table_of(seen, **{"z [m]": -seen["body_z"]})
+    truth = recordings.truth()
+    table = table_of(truth, **{"z [m]": -truth["body_z"]})
     table["y [m]"], table["yaw [rad]"] = -table["y [m]"], -table["yaw [rad]"]
     _, log = imported(table, tmp_path)
     run = log.runs[0]
     turned = np.corrcoef(np.gradient(run["body_yaw"]), run["wheel_rate_fr"] - run["wheel_rate_fl"])[0, 1]
     assert turned > 0.5
-    assert np.polyfit(seen["body_z"][: len(run.t) + 40], -table["z [m]"][: len(run.t) + 40], 1)[0] == pytest.approx(1.0)
+    assert np.polyfit(truth["body_z"][: len(run.t) + 40], -table["z [m]"][: len(run.t) + 40], 1)[0] == pytest.approx(
+        1.0
+    )
     assert np.ptp(run["body_z"]) > 0.0
 
 
 @pytest.mark.parametrize("first", ["real", "imaginary"])
 def test_quaternion_of_either_order(first, tmp_path):
-    seen = recordings.truth()
-    x, y, z, w = recordings.quaternion(seen)
+    truth = recordings.truth()
+    x, y, z, w = recordings.quaternion(truth)
     order = (w, x, y, z) if first == "real" else (x, y, z, w)
-    table = table_of(seen).drop(columns="yaw [rad]").assign(**{f"q{at}": each for at, each in enumerate(order)})
+    table = (
+        table_of(truth).drop(columns="yaw [rad]").assign(**{f"q{at}": component for at, component in enumerate(order)})
+    )
     _, log = imported(table, tmp_path)
     begin = round(10 * float(log.runs[0].attrs["purpose"].split(" from ")[1].split()[0]))
-    off = log.runs[0]["body_yaw"] - seen["body_yaw"][begin : begin + len(log.runs[0].t)]
+    off = log.runs[0]["body_yaw"] - truth["body_yaw"][begin : begin + len(log.runs[0].t)]
     assert np.abs(np.angle(np.exp(1j * off))).max() < 0.1
 
 
 def test_bad_file_among_several_is_left_out_and_named(tmp_path):
     """A straight leg tells no convention alone, and one file stands still: the recording tells both."""
-    seen = recordings.truth(seconds=120.0)
-    table = table_of(seen)
+    truth = recordings.truth(seconds=120.0)
+    table = table_of(truth)
     for number, rows in enumerate(np.array_split(np.arange(len(table)), 3)):
         part = table.iloc[rows]
         if number == 1:
             part = part.assign(**{name: part[name].iloc[0] for name in part if not name.startswith("time")})
         part.to_csv(tmp_path / f"leg{number}.csv", index=False)
-    made = import_log([tmp_path / f"leg{at}.csv" for at in range(3)], "cart", tmp_path / "log")
-    assert any(note.startswith("leg1.csv: left out") for note in made.notes)
-    assert {line.split("-")[0] for line in made.runs} == {"leg0", "leg2"}
+    imported_log = import_log([tmp_path / f"leg{at}.csv" for at in range(3)], "cart", tmp_path / "log")
+    assert any(note.startswith("leg1.csv: left out") for note in imported_log.notes)
+    assert {line.split("-")[0] for line in imported_log.runs} == {"leg0", "leg2"}
 
 
 @pytest.mark.parametrize("marks", ["____ _".replace(" ", ""), "::: ", "-- T"])
@@ -208,31 +217,31 @@ def test_records_one_a_row_are_a_table(tmp_path):
 
 def test_track_scale_and_late_clock_are_measured_with_intervals(tmp_path):
     """A track 1.5 times that of the wheels, and wheels that were recorded 0.4 s late."""
-    seen = recordings.truth(seconds=150.0)
-    table = table_of(seen)
+    truth = recordings.truth(seconds=150.0)
+    table = table_of(truth)
     rates = [table[f"wheel_{name}_speed [rad/s]"].to_numpy() for name in WHEELS]
-    turn = np.gradient(seen["body_yaw"], seen["t_s"])
+    turn = np.gradient(truth["body_yaw"], truth["t_s"])
     smooth = np.convolve(turn, np.ones(9) / 9.0, "same")
     for name, rate, side in zip(WHEELS, rates, (-1, 1, -1, 1), strict=True):
         wider = rate + side * 0.5 * recordings.HALF * smooth / recordings.R
-        table[f"wheel_{name}_speed [rad/s]"] = np.interp(seen["t_s"] - 0.4, seen["t_s"], wider)
-    made, _ = imported(table, tmp_path)
-    (track,) = [note for note in made.notes if note.startswith("effective track")]
-    best, low, high = (float(each) for each in track.split(" m,")[0].removeprefix("effective track ").replace("[", "")
+        table[f"wheel_{name}_speed [rad/s]"] = np.interp(truth["t_s"] - 0.4, truth["t_s"], wider)
+    imported_log, _ = imported(table, tmp_path)
+    (track,) = [note for note in imported_log.notes if note.startswith("effective track")]
+    best, low, high = (float(word) for word in track.split(" m,")[0].removeprefix("effective track ").replace("[", "")
                        .replace("]", "").replace(",", "").split())  # fmt: skip
     assert low < 1.5 * 2.0 * recordings.HALF < high
     assert high - low < 0.4 * best
-    (late,) = [note for note in made.notes if "times are" in note]
+    (late,) = [note for note in imported_log.notes if "times are" in note]
     assert float(late.split("times are ")[1].split(" s")[0]) == pytest.approx(0.4, abs=0.08)
-    assert any(note.startswith("rims run 1.") for note in made.notes)
+    assert any(note.startswith("rims run 1.") for note in imported_log.notes)
 
 
 def test_angles_without_a_unit_are_known_by_the_climb(tmp_path):
-    seen = recordings.truth()
-    table = table_of(seen, **{"z [m]": seen["body_z"], "pitch": -seen["body_pitch"] * 180.0 / math.pi})
-    made, log = imported(table, tmp_path)
+    truth = recordings.truth()
+    table = table_of(truth, **{"z [m]": truth["body_z"], "pitch": -truth["body_pitch"] * 180.0 / math.pi})
+    imported_log, log = imported(table, tmp_path)
     assert np.abs(log.runs[0]["body_pitch"]).max() < 0.2
-    assert any(line.startswith("body_pitch = -pitch [deg]") for line in made.columns)
+    assert any(line.startswith("body_pitch = -pitch [deg]") for line in imported_log.columns)
 
 
 def test_a_pitch_by_its_own_name_is_taken_unless_the_climb_contradicts_it(tmp_path):
@@ -261,23 +270,27 @@ def test_a_pitch_by_its_own_name_is_taken_unless_the_climb_contradicts_it(tmp_pa
 )
 def test_an_inertial_unit_is_read_in_its_units_and_axes(tmp_path, gyro, accelerometer, per_rate, per_force, frame):
     """Axes ahead, left and up, or ahead, right and down."""
-    seen, random = recordings.truth(), np.random.default_rng(2)
-    turn = np.gradient(seen["body_yaw"], seen["t_s"])
+    true_drive, random = recordings.truth(), np.random.default_rng(2)
+    turn = np.gradient(true_drive["body_yaw"], true_drive["t_s"])
     rates = {"x": 0.0 * turn, "y": 0.0 * turn, "z": turn}
-    forces = {"x": -9.81 * np.sin(seen["body_pitch"]), "y": 0.0 * turn, "z": 9.81 * np.cos(seen["body_pitch"])}
-    made, truth = {}, {}
+    forces = {
+        "x": -9.81 * np.sin(true_drive["body_pitch"]),
+        "y": 0.0 * turn,
+        "z": 9.81 * np.cos(true_drive["body_pitch"]),
+    }
+    columns, truth = {}, {}
     for name, kind, values, per, sd in (
         (gyro, "gyro", rates, per_rate, 0.01),
         (accelerometer, "accelerometer", forces, per_force, 0.1),
     ):
         for axis, sign in zip("xyz", (1.0, frame, frame), strict=True):
             truth[f"{kind}_{axis}"] = values[axis] + sd * random.standard_normal(len(turn))
-            made[name.format(axis)] = sign * per * truth[f"{kind}_{axis}"]
+            columns[name.format(axis)] = sign * per * truth[f"{kind}_{axis}"]
     path = tmp_path / "imu.csv"
-    table_of(seen, **made).to_csv(path, index=False)
+    table_of(true_drive, **columns).to_csv(path, index=False)
     import_log([path], "cart", tmp_path / "log")
     for run in read_drive_log(tmp_path / "log").runs:
-        begin = int(np.argmin(np.abs(seen["body_x"] - run["body_x"][0])))
+        begin = int(np.argmin(np.abs(true_drive["body_x"] - run["body_x"][0])))
         for name, values in truth.items():
             assert run[name] == pytest.approx(values[begin : begin + len(run.t)], rel=1e-6, abs=1e-9), name
 
@@ -304,8 +317,8 @@ def test_objects_of_matlab_are_named_and_the_numbers_beside_them_read(tmp_path):
     opaque = element(6, struct.pack("<II", 17, 0)) + names
     head = element(6, struct.pack("<II", 9, 0)) + element(5, struct.pack("<2i", 5, 1))
     nameless = head + element(1, b"") + element(2, b"12345")
-    whole = (tmp_path / "a.mat").read_bytes()
-    (tmp_path / "a.mat").write_bytes(whole + element(14, opaque) + element(14, nameless))
+    content = (tmp_path / "a.mat").read_bytes()
+    (tmp_path / "a.mat").write_bytes(content + element(14, opaque) + element(14, nameless))
     raw = read_raw(tmp_path / "a.mat")
     assert sorted(raw.table) == ["imu.pitch", "t"]
     assert any("'stamp' (datetime)" in note for note in raw.notes)

@@ -63,9 +63,9 @@ def imported(path, folder):
 def test_a_packed_bag_is_read_up_to_the_bound_and_no_further(way, tmp_path, monkeypatch):
     path = write(tmp_path, way, 64)
     monkeypatch.setattr(bounded, "MAX_UNPACKED_BYTES", 32 * bounded.MIB)
-    told = imported(path, tmp_path).exception
-    assert isinstance(told, DataError)
-    assert "it unpacks to more than 32 MiB, the maximum that is read" in str(told)
+    exception = imported(path, tmp_path).exception
+    assert isinstance(exception, DataError)
+    assert "it unpacks to more than 32 MiB, the maximum that is read" in str(exception)
     monkeypatch.setattr(bounded, "MAX_UNPACKED_BYTES", 256 * bounded.MIB)
     assert "unpacks" not in str(imported(path, tmp_path).exception)
 
@@ -74,10 +74,10 @@ def test_a_packed_bag_is_read_up_to_the_bound_and_no_further(way, tmp_path, monk
 @pytest.mark.parametrize("way", ["files of mcap", "messages of mcap", "chunks by bz2"])
 def test_a_gigabyte_in_a_few_kilobytes_is_refused(way, tmp_path):
     path = write(tmp_path, way, 1024 + MESSAGE_MIB)
-    size = sum(each.stat().st_size for each in ([path] if path.is_file() else path.iterdir()))
+    size = sum(file.stat().st_size for file in ([path] if path.is_file() else path.iterdir()))
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    told = imported(path, tmp_path).exception
-    assert "it unpacks to more than 1024 MiB" in str(told)
+    exception = imported(path, tmp_path).exception
+    assert "it unpacks to more than 1024 MiB" in str(exception)
     assert size < bounded.MIB
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 256 * 1024
 
@@ -87,11 +87,11 @@ def test_metadata_that_names_itself_is_refused(tmp_path):
     folder = tmp_path / "bag"
     folder.mkdir()
     lines = ["a0: &a0 x", *(f"a{at}: &a{at} [{', '.join(10 * [f'*a{at - 1}'])}]" for at in range(1, 11))]
-    about = "rosbag2_bagfile_information: {version: 5, relative_file_paths: [], storage_identifier: *a10}"
-    (folder / "metadata.yaml").write_text("\n".join([*lines, about]))
-    told = imported(folder, tmp_path).exception
-    assert isinstance(told, DataError)
-    assert "it has YAML anchors or aliases, which ROS does not write" in str(told)
+    metadata = "rosbag2_bagfile_information: {version: 5, relative_file_paths: [], storage_identifier: *a10}"
+    (folder / "metadata.yaml").write_text("\n".join([*lines, metadata]))
+    exception = imported(folder, tmp_path).exception
+    assert isinstance(exception, DataError)
+    assert "it has YAML anchors or aliases, which ROS does not write" in str(exception)
 
 
 CELL, RECORD, INT8, DOUBLE = 1, 2, 9, 6
@@ -136,9 +136,9 @@ def test_what_a_file_only_declares_takes_no_room(name, tmp_path):
     """A hundred million records in 200 bytes took more than two minutes, and 10 GB."""
     path = mat(tmp_path / "run.mat", NOTHING[name])
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    told = CliRunner().invoke(app, ["import-log", str(path), "--out", str(tmp_path / "log")]).exception
-    assert isinstance(told, DataError)
-    assert "no vector of numbers" in str(told) or "its parts do not fit together" in str(told)
+    exception = CliRunner().invoke(app, ["import-log", str(path), "--out", str(tmp_path / "log")]).exception
+    assert isinstance(exception, DataError)
+    assert "no vector of numbers" in str(exception) or "its parts do not fit together" in str(exception)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak < 128 * 1024
 
 
@@ -164,9 +164,9 @@ def test_a_small_file_of_a_large_table_is_refused(bomb, tmp_path, monkeypatch):
     monkeypatch.setattr(matlab, "MAX_NUMBERS_BYTES", 16 * bounded.MIB)
     path = mat(tmp_path / "run.mat", BOMBS[bomb])
     assert path.stat().st_size < bounded.MIB
-    told = CliRunner().invoke(app, ["import-log", str(path), "--out", str(tmp_path / "log")]).exception
-    assert isinstance(told, DataError)
-    assert "it unpacks to more than 32 MiB, the maximum that is read" in str(told)
+    exception = CliRunner().invoke(app, ["import-log", str(path), "--out", str(tmp_path / "log")]).exception
+    assert isinstance(exception, DataError)
+    assert "it unpacks to more than 32 MiB, the maximum that is read" in str(exception)
 
 
 @pytest.mark.parametrize("options", [{"do_compression": True}, {"do_compression": False}, {"format": "4"}])

@@ -121,8 +121,8 @@ def made(names, sizes=None, seed=0, size=8.0, shape=SHAPE, sd=1.0, b=0.7, of=Sum
     draw = np.random.default_rng(seed)
     columns = {name: draw.normal(size=shape) for name in ("base", *names)}
     columns = {name: size * column / np.linalg.norm(column) for name, column in columns.items()}
-    shown = b * columns["base"] + sum(value * columns[name] for name, value in (sizes or {}).items())
-    return of(shown + draw.normal(size=shape), columns, sd)
+    drawn_values = b * columns["base"] + sum(value * columns[name] for name, value in (sizes or {}).items())
+    return of(drawn_values + draw.normal(size=shape), columns, sd)
 
 
 def fitted(experiment: Sums, number: Parameter = NUMBER) -> Fit:
@@ -133,9 +133,9 @@ def fitted(experiment: Sums, number: Parameter = NUMBER) -> Fit:
 def searched(experiment: Sums, names, number: Parameter = NUMBER) -> Search:
     """What was found of the candidates of these names."""
     base = fitted(experiment, number)
-    found = Search(base)
-    found.run(signatures(base, [candidate(name) for name in names]))
-    return found
+    search = Search(base)
+    search.run(signatures(base, [candidate(name) for name in names]))
+    return search
 
 
 def question(experiment: Sums, names, number: Parameter = NUMBER) -> Question:

@@ -48,9 +48,11 @@ class Toy(Differentiable):
         return 0.0
 
     def sensitivities(self, model, parameters, u):
-        rows = [self.columns[one.name] for one in parameters]
-        predicted = sum((row * one.value(x) for row, one, x in zip(rows, parameters, u, strict=True)), 0.0 * self.sd)
-        slopes = [row * one.slope(x) for row, one, x in zip(rows, parameters, u, strict=True)]
+        rows = [self.columns[parameter.name] for parameter in parameters]
+        predicted = sum(
+            (row * parameter.value(x) for row, parameter, x in zip(rows, parameters, u, strict=True)), 0.0 * self.sd
+        )
+        slopes = [row * parameter.slope(x) for row, parameter, x in zip(rows, parameters, u, strict=True)]
         return Sensitivities(predicted, np.array(slopes).reshape(-1, *np.shape(self.observed)))
 
 
@@ -77,9 +79,9 @@ def dense(toy, scales, added=()):
     `scales`: by (letter, channel), channel -1 for all; `added`: tables of what laws add.
     """
     rows = places(toy.observed)
-    own = [[row for row in rows if row[1] == channel] for channel in range(len(toy.channels))]
-    n = [math.sqrt(sum(toy.sd[row] ** 2 for row in block) / len(block)) for block in own]
-    spread = [max(float(np.std([toy.observed[row] for row in block])), n[at]) for at, block in enumerate(own)]
+    channel_rows = [[row for row in rows if row[1] == channel] for channel in range(len(toy.channels))]
+    n = [math.sqrt(sum(toy.sd[row] ** 2 for row in block) / len(block)) for block in channel_rows]
+    spread = [max(float(np.std([toy.observed[row] for row in block])), n[at]) for at, block in enumerate(channel_rows)]
     inputs = np.array([toy.inputs[fold, at] for fold, _, at in rows])
     reach = np.ptp(inputs, axis=0)
     x = inputs[:, reach > 0] / reach[reach > 0]

@@ -109,9 +109,9 @@ def test_identical_causes_share_their_probability(share):
 
 def test_evidence_for_none_grows_faster_than_by_a_local_prior():
     """Noise along no column: ln(Z_none / Z_cause) rises as half ln n where a size may be 0, faster where it may not."""
-    counts, local, whole = (4, 16, 64), [], []
-    for each in counts:
-        toy = toys.design(8, ("p",), folds=4, each=each, size=None)
+    counts, local, full = (4, 16, 64), [], []
+    for count in counts:
+        toy = toys.design(8, ("p",), folds=4, each=count, size=None)
         shape = toy.sd.shape
         along = np.array([toy.columns["base"].ravel(), np.cos(np.arange(toy.sd.size))]).T
         toy.columns["p"] = 10.0 * toys.NOISE * along[:, 1].reshape(shape)
@@ -124,8 +124,8 @@ def test_evidence_for_none_grows_faster_than_by_a_local_prior():
         none = explorer.fitter.hypothesis((), u, Discrepancy.NONE)
         acts = explorer.fitter.hypothesis(explorer.causes, np.append(u, 0.0), Discrepancy.NONE)
         local.append(none.posterior.log_evidence - acts.posterior.log_evidence)
-        whole.append(none.log_evidence - acts.log_evidence)
-    rise = np.diff(local) / np.diff(np.log(counts)), np.diff(whole) / np.diff(np.log(counts))
+        full.append(none.log_evidence - acts.log_evidence)
+    rise = np.diff(local) / np.diff(np.log(counts)), np.diff(full) / np.diff(np.log(counts))
     assert rise[0] == pytest.approx([0.5, 0.5], abs=0.1)
     assert (rise[1] > rise[0] + 0.3).all()
 
@@ -138,12 +138,13 @@ def deviations(rows):
 
     A bin's SD is no less than that of one case, so that a bin of certain answers counts whole cases.
     """
-    said, true = np.array(rows, dtype=float).T
-    place = np.digitize(said, BINS[1:-1])
+    stated_probability, true = np.array(rows, dtype=float).T
+    place = np.digitize(stated_probability, BINS[1:-1])
     return [
-        (true[own] - said[own]).sum() / math.sqrt(max((said[own] * (1 - said[own])).sum(), 1.0))
-        for own in (place == at for at in range(len(BINS) - 1))
-        if own.any()
+        (true[in_bin] - stated_probability[in_bin]).sum()
+        / math.sqrt(max((stated_probability[in_bin] * (1 - stated_probability[in_bin])).sum(), 1.0))
+        for in_bin in (place == at for at in range(len(BINS) - 1))
+        if in_bin.any()
     ]
 
 
@@ -162,9 +163,9 @@ def calibration(answered, seeds, names):
 
 def assert_as_often_as_said(answered, names):
     """Of 70 problems; six bins: 99.7 % by probability."""
-    far = calibration(answered, range(70), names)
-    assert np.abs(far).max() < 3.0
-    assert np.sum(np.square(far)) < 20.0
+    deviation = calibration(answered, range(70), names)
+    assert np.abs(deviation).max() < 3.0
+    assert np.sum(np.square(deviation)) < 20.0
 
 
 def answered(seed, names):

@@ -30,8 +30,10 @@ LEFT = {Discrepancy.NONE: (70, 60), Discrepancy.FORM: (0, 20), Discrepancy.SMOOT
 
 def row(names, log_evidence, kind=Discrepancy.NONE):
     """A hypothesis of which only names, evidence and discrepancy are looked at."""
-    own = tuple(SimpleNamespace(name=name, family="") for name in names)
-    return SimpleNamespace(causes=own, names=tuple(names), log_evidence=log_evidence, discrepancy=kind, gain_shares={})
+    local = tuple(SimpleNamespace(name=name, family="") for name in names)
+    return SimpleNamespace(
+        causes=local, names=tuple(names), log_evidence=log_evidence, discrepancy=kind, gain_shares={}
+    )
 
 
 @pytest.mark.parametrize("choice", [4, 7, 20])
@@ -40,9 +42,9 @@ def test_prior_probabilities_of_all_sets_and_kinds_sum_to_one(choice):
     for count, share in enumerate(COUNTED):
         for kind, percent in LEFT.items():
             if percent[count > 0]:
-                each = share * Fraction(percent[count > 0], 100) / math.comb(choice, count)
-                assert math.exp(log_prior(count, choice, kind)) == pytest.approx(float(each))
-                total += each * math.comb(choice, count)
+                probability = share * Fraction(percent[count > 0], 100) / math.comb(choice, count)
+                assert math.exp(log_prior(count, choice, kind)) == pytest.approx(float(probability))
+                total += probability * math.comb(choice, count)
     assert total == 1
 
 
@@ -77,8 +79,8 @@ def test_the_noise_s_scale_is_sought_within_four_sds():
     toy.observed = 20.0 * toy.sd * np.sign(np.random.default_rng(2).normal(size=toy.sd.shape))
     samples = toy.samples()
     errors = ErrorModel(samples, Discrepancy.NONE)
-    found = posterior(errors, Linear(samples.value, np.zeros((len(samples.value), 1))))
-    assert np.exp(found.scales[errors.scales.index(("s", 0))]) == pytest.approx(math.exp(0.6), rel=1e-3)
+    posterior_found = posterior(errors, Linear(samples.value, np.zeros((len(samples.value), 1))))
+    assert np.exp(posterior_found.scales[errors.scales.index(("s", 0))]) == pytest.approx(math.exp(0.6), rel=1e-3)
 
 
 # --- the explorer ----------------------------------------------------------------------------------------------------
@@ -94,8 +96,8 @@ def test_a_cause_whose_default_moves_less_than_0_3_sds_is_not_tried():
     assert set(itertools.chain(*beliefs.sets)) == {"q"}
 
 
-@pytest.mark.parametrize(("behind", "closer", "near"), [(11.9, 5, True), (12.1, 5, False), (50.0, 3, True)])
-def test_a_set_12_nats_behind_is_followed_only_for_its_squares(behind, closer, near):
+@pytest.mark.parametrize(("behind", "closer", "close"), [(11.9, 5, True), (12.1, 5, False), (50.0, 3, True)])
+def test_a_set_12_nats_behind_is_followed_only_for_its_squares(behind, closer, close):
     """`closer`: how many sets least squares put before it; up to the fourth of them is followed all the same."""
     names = "pqrstu"
     explorer = Explorer(SimpleNamespace(), [SimpleNamespace(name=name) for name in names])
@@ -103,7 +105,7 @@ def test_a_set_12_nats_behind_is_followed_only_for_its_squares(behind, closer, n
         explorer.fitted[frozenset(name)] = (row((name,), -behind if name == "u" else 0.0),)
         explorer.flat[frozenset(name)] = (np.zeros(0), 1.0 if at < closer else 5.0)
     explorer.flat[frozenset("u")] = (np.zeros(0), 3.0)
-    assert explorer._is_near([SimpleNamespace(name="u")]) is near
+    assert explorer._is_near([SimpleNamespace(name="u")]) is close
 
 
 class Straying(Explorer):
@@ -181,7 +183,7 @@ def proposed(folds, unmeasured=(), slopes=None, sd=1e3):
         meets = laws.__getitem__
         offers.append(Offer(ahead, declared_noise(np.ones(2), np.zeros((1, 2, 1))), meets, unmeasured))
         hypotheses[0].experiment = hypotheses[1].experiment = ahead
-    return next_measurement([(0.5, each) for each in hypotheses], offers)
+    return next_measurement([(0.5, law_of_errors) for law_of_errors in hypotheses], offers)
 
 
 @pytest.mark.parametrize(("ratio", "what"), [(0.51, "fold 0"), (0.49, "fold 0, with torque too")])
@@ -193,16 +195,16 @@ def test_a_new_channel_is_asked_for_where_the_others_tell_less_than_half(ratio, 
 
 @pytest.mark.parametrize(("share", "worth"), [(0.0105, True), (0.0095, False)])
 def test_a_measurement_that_tells_less_than_a_hundredth_is_not_proposed(share, worth):
-    found = proposed([(distance_of(share * math.log(2.0)), 0.0)])
-    assert (found is not None) is worth
+    proposal = proposed([(distance_of(share * math.log(2.0)), 0.0)])
+    assert (proposal is not None) is worth
 
 
 @pytest.mark.parametrize(("rank", "what"), [(3, "fold 3"), (4, None)])
 def test_four_offers_are_worked_out_with_uncertain_numbers(rank, what):
     """Offers that would tell most if a number were known, which may be anything: only one differs across it."""
     folds = [(6.0 - 0.5 * at, 0.0) for at in range(rank)] + [(0.0, 2.0)]
-    found = proposed(folds, slopes=[(1.0, 0.0)] * len(folds))
-    assert (found and found.what) == what
+    proposal = proposed(folds, slopes=[(1.0, 0.0)] * len(folds))
+    assert (proposal and proposal.what) == what
 
 
 @pytest.mark.parametrize(("second", "count"), [(0.045, 2), (0.035, 3)])
@@ -220,8 +222,8 @@ def test_a_function_left_is_more_than_noise_from_one_sd_on(rms, more):
     good = plain.fit.task.noise.good
     rows = np.zeros(good.shape)
     rows[2, 1] = rms * np.sign(np.random.default_rng(3).normal(size=rows.shape[2]))
-    found = plain.posterior
-    evidence = FunctionEvidence(1.0, found.mean, found.covariance, rows[good], plain.fit.rows, 1.0)
+    sampled = plain.posterior
+    evidence = FunctionEvidence(1.0, sampled.mean, sampled.covariance, rows[good], plain.fit.rows, 1.0)
     assert with_function(plain, evidence).leaves_more is more
 
 

@@ -68,8 +68,8 @@ def test_form_error_is_none_where_the_law_adds_nothing(seed, timed):
         assert not smooth[still].any()
         assert not smooth[:, still].any()
         assert (np.diag(smooth)[~still] > 0).all()
-        rest = errors.covariance(eta, at) - plain.covariance(eta[: len(plain.scales)], at)
-        assert rest == pytest.approx(smooth, abs=1e-12 * np.abs(errors.covariance(eta, at)).max())
+        form_covariance = errors.covariance(eta, at) - plain.covariance(eta[: len(plain.scales)], at)
+        assert form_covariance == pytest.approx(smooth, abs=1e-12 * np.abs(errors.covariance(eta, at)).max())
 
 
 def test_noise_of_a_stray_is_raised_and_that_of_no_other():

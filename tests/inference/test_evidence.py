@@ -71,10 +71,10 @@ def test_slopes_by_the_scales_are_central_differences(problem):
 def test_numbers_are_those_of_the_dense_formula(problem):
     toy = toys.random_toy(problem[0], problem[2])
     errors, linear = made(toy, problem[1])
-    found = posterior(errors, linear)
-    pull = np.linalg.solve(matrix(toy, errors, linear, found.scales), linear.slopes).T
-    assert found.mean == pytest.approx(pull @ linear.target, rel=1e-6, abs=1e-8)
-    assert found.covariance == pytest.approx(np.eye(len(pull)) - pull @ linear.slopes, rel=1e-6, abs=1e-8)
+    posterior_found = posterior(errors, linear)
+    pull = np.linalg.solve(matrix(toy, errors, linear, posterior_found.scales), linear.slopes).T
+    assert posterior_found.mean == pytest.approx(pull @ linear.target, rel=1e-6, abs=1e-8)
+    assert posterior_found.covariance == pytest.approx(np.eye(len(pull)) - pull @ linear.slopes, rel=1e-6, abs=1e-8)
 
 
 @quick
@@ -94,8 +94,8 @@ def test_curvature_is_the_information_of_the_dense_matrix(problem):
     """H_ij = 1/2 tr(K^-1 dK_i K^-1 dK_j) + 1 / SD_i^2, K that of all channels at once."""
     toy = toys.random_toy(problem[0], problem[2])
     errors, linear = made(toy, problem[1])
-    found = posterior(errors, linear)
-    eta, count = found.scales, len(found.scales)
+    posterior_found = posterior(errors, linear)
+    eta, count = posterior_found.scales, len(posterior_found.scales)
     inverse = np.linalg.inv(matrix(toy, errors, linear, eta))
     slopes = [
         (matrix(toy, errors, linear, eta + step) - matrix(toy, errors, linear, eta - step)) / 2e-5
@@ -104,7 +104,7 @@ def test_curvature_is_the_information_of_the_dense_matrix(problem):
     H = np.diag(errors.sd**-2.0)
     H += [[0.5 * np.trace(inverse @ left @ inverse @ right) for right in slopes] for left in slopes]
     expected = -negative_log(errors, linear, eta)[0] + count / 2 * math.log(2 * math.pi) - np.linalg.slogdet(H)[1] / 2
-    assert found.log_evidence == pytest.approx(expected, abs=1e-4)
+    assert posterior_found.log_evidence == pytest.approx(expected, abs=1e-4)
 
 
 @pytest.mark.parametrize("misfit", [0.5, 1.0, 1.6])
@@ -116,8 +116,8 @@ def test_evidence_is_the_integral_over_the_scales(seed, misfit):
     errors, linear = made(toy, Discrepancy.NONE)
     steps = [np.linspace(-5.0, 5.0, 41) * sd + median for median, sd in zip(errors.median, errors.sd, strict=True)]
     area = math.prod(step[1] - step[0] for step in steps)
-    whole = [-negative_log(errors, linear, np.array(eta))[0] for eta in product(*steps)]
-    assert posterior(errors, linear).log_evidence == pytest.approx(logsumexp(whole) + math.log(area), abs=0.2)
+    full = [-negative_log(errors, linear, np.array(eta))[0] for eta in product(*steps)]
+    assert posterior(errors, linear).log_evidence == pytest.approx(logsumexp(full) + math.log(area), abs=0.2)
 
 
 @quick
@@ -144,7 +144,7 @@ def test_another_unit_adds_its_logarithm_for_each_value(problem, factor):
     seed, kind, timed = problem
     toy = toys.random_toy(seed, timed)
     unit = np.array([1.0, factor])[None, :, None]
-    other = toys.Toy(
+    rescaled = toys.Toy(
         toy.observed * unit,
         toy.sd * unit,
         {name: column * unit for name, column in toy.columns.items()},
@@ -152,11 +152,11 @@ def test_another_unit_adds_its_logarithm_for_each_value(problem, factor):
         toy.order,
     )
     least = np.isfinite(toy.observed[:, 1]).sum() * math.log(factor)
-    (errors, before), (_, after) = made(toy, kind), made(other, kind)
+    (errors, before), (_, after) = made(toy, kind), made(rescaled, kind)
     eta = somewhere(errors, seed)
-    rise = negative_log(made(other, kind)[0], after, eta)[0] - negative_log(errors, before, eta)[0]
+    rise = negative_log(made(rescaled, kind)[0], after, eta)[0] - negative_log(errors, before, eta)[0]
     assert rise == pytest.approx(least, abs=1e-6), "at the same scales"
-    fall = posterior(errors, before).log_evidence - posterior(made(other, kind)[0], after).log_evidence
+    fall = posterior(errors, before).log_evidence - posterior(made(rescaled, kind)[0], after).log_evidence
     assert fall == pytest.approx(least, abs=3e-2), "where the search for scales ends depends on the size of -ln p"
 
 

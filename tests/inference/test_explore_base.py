@@ -37,10 +37,10 @@ def explorer(monkeypatch):
 
 def test_the_last_fit_stays_where_a_larger_variance_has_none(explorer):
     """It ended with a KeyError."""
-    made = explorer(1)
-    made.base()
-    assert frozenset() in made.fitted
-    assert made.fitter.inflation is None
+    base_explorer = explorer(1)
+    base_explorer.base()
+    assert frozenset() in base_explorer.fitted
+    assert base_explorer.fitter.inflation is None
 
 
 def test_a_base_model_without_a_fit_is_one_sentence(explorer):

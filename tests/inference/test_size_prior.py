@@ -26,8 +26,8 @@ def test_sizes_have_either_sign_and_their_median():
     assert above == pytest.approx(0.25, abs=1e-6)
     assert density([-0.3]) == pytest.approx(density([0.3]))
     assert density([0.0]) < 1e-9, "no cause has no size"
-    near = quad(density, half / 2.2465, half * 2.2465, epsabs=1e-10)[0]
-    assert near == pytest.approx(0.25, abs=1e-4), (
+    close = quad(density, half / 2.2465, half * 2.2465, epsabs=1e-10)[0]
+    assert close == pytest.approx(0.25, abs=1e-4), (
         "half of all sizes lie within a factor of exp(0.6745 1.2) of the median"
     )
 
@@ -37,12 +37,12 @@ def test_sizes_have_either_sign_and_their_median():
 @pytest.mark.parametrize("bounds", [ANYWHERE, (0.0, 1e3), (-0.4, 0.3)])
 def test_share_is_the_mean_of_the_ratio_of_densities(mean, sd, bounds):
     size = np.exp(np.linspace(-9.0, 3.0, 20001))
-    whole = 0.0
+    full = 0.0
     for u in (size, -size[::-1]):
         inside = (u >= bounds[0]) & (u <= bounds[1])
         ratio = density(u) * np.exp(norm.logpdf(u, mean, sd) - norm.logpdf(u))
-        whole += np.trapezoid(np.where(inside, ratio, 0.0), u)
-    assert np.exp(log_size_share(mean, sd, bounds)) == pytest.approx(whole, rel=0.02, abs=2e-12)
+        full += np.trapezoid(np.where(inside, ratio, 0.0), u)
+    assert np.exp(log_size_share(mean, sd, bounds)) == pytest.approx(full, rel=0.02, abs=2e-12)
 
 
 @pytest.mark.parametrize("together", [0.5, 2.0])
@@ -57,10 +57,10 @@ def test_sizes_known_by_their_sum_are_weighed_together(together, correlation, lo
     z = np.array(np.meshgrid(axis, axis)).reshape(2, -1)
     u = mean[:, None] + directions * np.sqrt(variances) @ z
     ratios = np.where(u > low, density(u) / norm.pdf(u), 0.0)
-    whole = float(np.prod(ratios, axis=0) @ np.prod(norm.pdf(z), axis=0)) * (axis[1] - axis[0]) ** 2
+    full = float(np.prod(ratios, axis=0) @ np.prod(norm.pdf(z), axis=0)) * (axis[1] - axis[0]) ** 2
     bounds = np.array([(low, 1e3)] * 2)
     alone = sum(log_size_share(*row) for row in zip(mean, sds, bounds, strict=True))
-    assert alone + log_dependence(mean, covariance, bounds) == pytest.approx(np.log(whole), abs=0.05)
+    assert alone + log_dependence(mean, covariance, bounds) == pytest.approx(np.log(full), abs=0.05)
 
 
 class Row:

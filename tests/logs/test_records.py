@@ -44,30 +44,30 @@ def test_records_without_dates_are_refused_with_what_is_there(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def seen():
+def truth():
     return recordings.truth()
 
 
-def test_places_on_a_maps_grid_are_told_from_an_origin(seen, tmp_path):
-    grid = {**seen, "body_x": seen["body_x"] + 174_043.2, "body_y": seen["body_y"] - 5_444_352.0}
-    made = import_log([recordings.plain(grid, tmp_path)], "cart", tmp_path / "log")
-    assert {"body_x = x [m] -174040 [m]", "body_y = y [m] +5.44435e+06 [m]"} <= set(made.columns)
+def test_places_on_a_maps_grid_are_told_from_an_origin(truth, tmp_path):
+    grid = {**truth, "body_x": truth["body_x"] + 174_043.2, "body_y": truth["body_y"] - 5_444_352.0}
+    imported_log = import_log([recordings.plain(grid, tmp_path)], "cart", tmp_path / "log")
+    assert {"body_x = x [m] -174040 [m]", "body_y = y [m] +5.44435e+06 [m]"} <= set(imported_log.columns)
     from rover_pin.experiments.drive_log.checks.log import faults
     from rover_pin.logs.drive_log import read_drive_log
 
     log = read_drive_log(tmp_path / "log")
     assert faults(log) == ()
-    assert np.abs(log.runs[0]["body_x"] - seen["body_x"][: len(log.runs[0].t)] - 3.2).max() < 0.02
+    assert np.abs(log.runs[0]["body_x"] - truth["body_x"][: len(log.runs[0].t)] - 3.2).max() < 0.02
 
 
-@pytest.mark.parametrize(("share", "said"), [(1.0, True), (3.4, False)])
-def test_rates_computed_from_a_turn_say_nothing_of_scrub(share, said, seen, tmp_path):
+@pytest.mark.parametrize(("share", "message"), [(1.0, True), (3.4, False)])
+def test_rates_computed_from_a_turn_say_nothing_of_scrub(share, message, truth, tmp_path):
     """The cart's four wheels skid: their sides must run apart by more than a turn without scrub takes."""
-    scrubbed = dict(seen)
+    scrubbed = dict(truth)
     for side in "lr":
         for axle in "fb":
-            mean = np.mean([seen[f"wheel_rate_{axle}{each}"] for each in "lr"], axis=0)
-            scrubbed[f"wheel_rate_{axle}{side}"] = mean + share * (seen[f"wheel_rate_{axle}{side}"] - mean)
-    made = import_log([recordings.plain(scrubbed, tmp_path)], "cart", tmp_path / "log")
-    (track,) = [note for note in made.notes if note.startswith("effective track")]
-    assert ("no scrub" in track) is said
+            mean = np.mean([truth[f"wheel_rate_{axle}{side}"] for side in "lr"], axis=0)
+            scrubbed[f"wheel_rate_{axle}{side}"] = mean + share * (truth[f"wheel_rate_{axle}{side}"] - mean)
+    imported_log = import_log([recordings.plain(scrubbed, tmp_path)], "cart", tmp_path / "log")
+    (track,) = [note for note in imported_log.notes if note.startswith("effective track")]
+    assert ("no scrub" in track) is message

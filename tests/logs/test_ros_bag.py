@@ -57,26 +57,26 @@ def duty(types, t):
 
 def messages(types):
     """(received, topic, message) in order: joints at 50 Hz, half with the names turned round; poses at 20 Hz."""
-    found = []
+    stamped = []
     for i in range(150):
         t = BEGIN + 20_000_000 * i
-        found.append((t + LATE, "/joint_states", joints(types, t, reverse=i % 2 == 1)))
-        found += [(t + LATE + 1, "/joint_states", joints(types, t, ("arm",)))] if i % 10 == 5 else []
+        stamped.append((t + LATE, "/joint_states", joints(types, t, reverse=i % 2 == 1)))
+        stamped += [(t + LATE + 1, "/joint_states", joints(types, t, ("arm",)))] if i % 10 == 5 else []
     for i in range(60):
         t = BEGIN + 50_000_000 * i
-        found += [(t, "/tracker", pose(types, t))] if not 20 < i < 30 else []
-    found += [(BEGIN + t, "/command", duty(types, BEGIN + t)) for t in (0, 1_000_000_000)]
-    return sorted(found, key=lambda each: each[0])
+        stamped += [(t, "/tracker", pose(types, t))] if not 20 < i < 30 else []
+    stamped += [(BEGIN + t, "/command", duty(types, BEGIN + t)) for t in (0, 1_000_000_000)]
+    return sorted(stamped, key=lambda stamped_message: stamped_message[0])
 
 
 def write(writer, types):
     with writer as bag:
-        made = {}
+        connections = {}
         for received, topic, message in messages(types):
-            if topic not in made:
-                made[topic] = bag.add_connection(topic, message.__msgtype__, typestore=types)
+            if topic not in connections:
+                connections[topic] = bag.add_connection(topic, message.__msgtype__, typestore=types)
             pack = types.serialize_ros1 if types is ROS1 else types.serialize_cdr
-            bag.write(made[topic], received, pack(message, message.__msgtype__))
+            bag.write(connections[topic], received, pack(message, message.__msgtype__))
 
 
 def two(folder, plugin):
@@ -112,8 +112,8 @@ def bag_folder(folder):
 
 
 def bag_file(folder, plugin, suffix):
-    (found,) = two(folder, plugin).glob(f"*{suffix}")
-    return f"run/{found.name}"
+    (file,) = two(folder, plugin).glob(f"*{suffix}")
+    return f"run/{file.name}"
 
 
 MADE = {
@@ -193,10 +193,10 @@ def test_mistakes_in_the_map(shared, bag, changes, says):
 
 def test_times_that_run_back(tmp_path):
     with BagTwo(tmp_path / "run", version=9) as bag:
-        made = bag.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=ROS2)
+        connection = bag.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=ROS2)
         for i, t in enumerate((0, 20, 10)):
             message = joints(ROS2, BEGIN + 10**6 * t)
-            bag.write(made, BEGIN + 10**6 * i, ROS2.serialize_cdr(message, message.__msgtype__))
+            bag.write(connection, BEGIN + 10**6 * i, ROS2.serialize_cdr(message, message.__msgtype__))
     only = {name: COLUMNS[name] if name == "wheel_rate_fl" else "" for name in COLUMNS}
     with pytest.raises(DataError, match=r"'/joint_states'.*3:.*`stamp`"):
         read_drive_log(describe(tmp_path, "run", **only))

@@ -21,10 +21,10 @@ def run(yaw=0.0, pitch=0.0, roll=0.0, seconds=40.0, curve=0.0, **more):
     """A drive of 0.1 m/s along a heading; pitch and roll as functions of the way, or constant."""
     t = np.arange(0.0, seconds, 0.1)
     heading = yaw + curve * t
-    x, y = (np.cumsum(0.01 * each(heading)) for each in (np.cos, np.sin))
-    tilt = [each(x, y, heading) if callable(each) else np.full(len(t), each) for each in (pitch, roll)]
-    made = {"t_s": t, "body_x": x, "body_y": y, "body_yaw": heading, "body_pitch": tilt[0], "body_roll": tilt[1]}
-    return Trace({**made, **{name: each(x, y) for name, each in more.items()}}, {}, {})
+    x, y = (np.cumsum(0.01 * angle(heading)) for angle in (np.cos, np.sin))
+    tilt = [angle(x, y, heading) if callable(angle) else np.full(len(t), angle) for angle in (pitch, roll)]
+    channels = {"t_s": t, "body_x": x, "body_y": y, "body_yaw": heading, "body_pitch": tilt[0], "body_roll": tilt[1]}
+    return Trace({**channels, **{name: angle(x, y) for name, angle in more.items()}}, {}, {})
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.0, -1.1])
@@ -39,7 +39,7 @@ def test_a_declared_slope_rises_along_the_heading_of_the_start(yaw):
 
 
 @pytest.mark.parametrize(
-    ("table", "said"),
+    ("table", "message"),
     [
         ({"slope": {"value": 12}}, "slope = 687.5.*45"),
         ({"slope": {"value": 12, "unit": "m"}}, "'m'.*measure"),
@@ -49,8 +49,8 @@ def test_a_declared_slope_rises_along_the_heading_of_the_start(yaw):
         ({"estimated": True, "sl0pe": 3}, "unknown key 'sl0pe'"),
     ],
 )
-def test_a_slope_that_is_none_is_one_sentence(table, said):
-    with pytest.raises(DataError, match=said):
+def test_a_slope_that_is_none_is_one_sentence(table, message):
+    with pytest.raises(DataError, match=message):
         run_terrain(table, run(), CART, "here")
 
 
@@ -70,8 +70,8 @@ def test_the_ground_is_estimated_from_the_pitch(yaw, curve):
         return -np.arctan(0.15 * np.sin(2 * math.pi * x / 3) * np.cos(heading))
 
     drive = run(yaw, pitch, curve=curve)
-    found = slope_of(estimate_surface(drive, CART), drive)
-    assert found == pytest.approx(-drive["body_pitch"][20:-20], abs=1.0 * DEG)
+    slope = slope_of(estimate_surface(drive, CART), drive)
+    assert slope == pytest.approx(-drive["body_pitch"][20:-20], abs=1.0 * DEG)
 
 
 def test_a_frame_before_the_wheels_is_not_where_they_stand():
@@ -99,11 +99,11 @@ def test_where_nothing_tells_the_ground_is_flat():
 
 def log(folder, terrain, traces=None, **rows):
     wheels = tuple(mount.name for mount in CART.wheels)
-    made = {}
+    runs = {}
     for name, drive in (traces or {"up": run(pitch=-5 * DEG), "down": run(math.pi, pitch=5 * DEG)}).items():
         rates = {f"wheel_rate_{wheel}": np.full(len(drive.t), 1.0) for wheel in wheels}
-        made[name] = Trace({**drive.channels, **rates}, {}, rows.get(name, {}))
-    write_drive_log(folder, made, LogMetadata("slopes", rover="cart", wheels=wheels, terrain=terrain))
+        runs[name] = Trace({**drive.channels, **rates}, {}, rows.get(name, {}))
+    write_drive_log(folder, runs, LogMetadata("slopes", rover="cart", wheels=wheels, terrain=terrain))
     return read_drive_log(folder)
 
 
@@ -111,12 +111,12 @@ def test_each_run_may_have_a_ground_of_its_own(tmp_path):
     folder = tmp_path / "log"
     log(folder, {"slope": {"value": 5, "unit": "deg"}})
     toml = folder / "drive.toml"
-    own = 'file = "down.csv"\nterrain = { slope = { value = -3, unit = "deg" } }'
-    toml.write_text(toml.read_text().replace('file = "down.csv"', own))
+    run_table = 'file = "down.csv"\nterrain = { slope = { value = -3, unit = "deg" } }'
+    toml.write_text(toml.read_text().replace('file = "down.csv"', run_table))
     read = read_drive_log(folder)
-    rises = [float(slope_of(read.terrain_of(each), each)[0]) / DEG for each in read.runs]
+    rises = [float(slope_of(read.terrain_of(run_read), run_read)[0]) / DEG for run_read in read.runs]
     assert rises == pytest.approx([5.0, -3.0], abs=1e-6)
-    terrains = [each.commands.terrain for each in logged_runs(read, CART)]
+    terrains = [run_read.commands.terrain for run_read in logged_runs(read, CART)]
     assert terrains[0] is not None
     assert not read.is_estimated(read.runs[0])
 
@@ -124,8 +124,10 @@ def test_each_run_may_have_a_ground_of_its_own(tmp_path):
 def test_the_zero_of_the_level_widens_the_resistance(tmp_path):
     narrow, wide = log(tmp_path / "a", {"slope": 0.1}), log(tmp_path / "b", {"estimated": True})
     sd = {}
-    for name, each in (("narrow", narrow), ("wide", wide)):
-        model = with_spread(base_model(each), motors=False)
-        (own,) = (one for one in nuisances(each, model) if one.name == "MotionResistance.R")
-        sd[name] = own.scale
+    for name, log_folder in (("narrow", narrow), ("wide", wide)):
+        model = with_spread(base_model(log_folder), motors=False)
+        (parameter,) = (
+            parameter for parameter in nuisances(log_folder, model) if parameter.name == "MotionResistance.R"
+        )
+        sd[name] = parameter.scale
     assert sd["wide"] == pytest.approx(math.hypot(sd["narrow"], LEVEL_SD))

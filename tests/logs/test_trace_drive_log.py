@@ -54,19 +54,19 @@ def test_a_measured_log(log):
     folder = log(MEASURED)
     log(MEASURED, name="again.csv")
     log(MEASURED, "x_m,z_m\n0,0\n1,0.1\n", "ground.csv")
-    found = read_drive_log(folder)
-    assert (found.metadata.name, found.metadata.gravity, found.metadata.licence) == ("field", 1.62, "CC0")
-    assert found.metadata.soil["phi"]["sd"] == 2.0
-    first, second = found.runs
+    log_read = read_drive_log(folder)
+    assert (log_read.metadata.name, log_read.metadata.gravity, log_read.metadata.licence) == ("field", 1.62, "CC0")
+    assert log_read.metadata.soil["phi"]["sd"] == 2.0
+    first, second = log_read.runs
     assert first.attrs["start"] == {"x": 1.0, "y": 0.0, "yaw": 0.5}
     assert (first.attrs["purpose"], first.attrs["gravity_mps2"], second.attrs["file"]) == ("climb", 1.62, "again.csv")
     assert first["wheel_rate_fl"].tolist() == [1.1, 1.2]
     assert np.isnan(first["body_vx"][1])
-    assert found.run("again") is found.run("again.csv") is second
-    terrain = found.terrain()
+    assert log_read.run("again") is log_read.run("again.csv") is second
+    terrain = log_read.terrain()
     assert terrain.height(0.5, 0.0) == pytest.approx(0.05)
     assert terrain.ground_at(np.array([0.5, 1.5]), 0.0).tolist() == [0, 1]
-    assert found.rover == "nexus6"
+    assert log_read.rover == "nexus6"
 
 
 @pytest.mark.parametrize("terrain", [shapes.ditch(), shapes.rocks(2), shapes.hills(1)], ids=["lane", "lanes", "grid"])
@@ -76,13 +76,13 @@ def test_a_simulated_log_there_and_back(tmp_path, terrain):
         "one": Trace({"t_s": t, "slip_fl": np.sin(t), "odd": t}, {"odd": "K"}, {"stop": "duration", "purpose": "p"}),
         "two": Trace({"t_s": t, "duty_rr": np.cos(t)}),
     }
-    about = LogMetadata(
+    metadata = LogMetadata(
         "pair", "made here", gravity=1.62, wheels=("fl", "rr"), terrain=write_terrain(tmp_path, terrain)
     )
-    found = read_drive_log(write_drive_log(tmp_path, traces, about))
-    assert found.metadata == about
-    assert found.terrain() == terrain
-    for trace, again in zip(traces.values(), found.runs, strict=True):
+    log_read = read_drive_log(write_drive_log(tmp_path, traces, metadata))
+    assert log_read.metadata == metadata
+    assert log_read.terrain() == terrain
+    for trace, again in zip(traces.values(), log_read.runs, strict=True):
         assert again.units == trace.units
         assert {**again.attrs, **trace.attrs} == again.attrs
         for name in trace.channels:

@@ -18,15 +18,16 @@ def write(folder, name="field", runs=4, seconds=16.0, seed=0, sensors=Sensors(),
     random, scene, traces = np.random.default_rng(seed), scenario(name, **settings), {}
     plans = [plan(random, seconds, len(scene.model.rover.wheels), 2.5, 4.5) for _ in range(runs)]
     plans[-1] = plans[0] if runs > 3 else plans[-1]
-    for at, held in enumerate(plans, 1):
-        own = dataclasses.replace(scene, controller=held, duration=seconds, symmetric=False)
-        trace = own.drive()
+    for at, controller in enumerate(plans, 1):
+        changed_scene = dataclasses.replace(scene, controller=controller, duration=seconds, symmetric=False)
+        trace = changed_scene.drive()
         if sensors is not None:
             trace = dataclasses.replace(
-                measure(trace, sensors, int(random.integers(2**31))), attrs={"start": dataclasses.asdict(own.start)}
+                measure(trace, sensors, int(random.integers(2**31))),
+                attrs={"start": dataclasses.asdict(changed_scene.start)},
             )
         traces[f"run-{at}"] = trace
     scene.write_log(trace, folder)
-    about = dataclasses.replace(read_drive_log(folder).metadata, **{key: {} for key in left_out})
+    metadata = dataclasses.replace(read_drive_log(folder).metadata, **{key: {} for key in left_out})
     (folder / "run.csv").unlink()
-    return write_drive_log(folder, traces, about)
+    return write_drive_log(folder, traces, metadata)

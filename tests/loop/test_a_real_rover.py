@@ -12,9 +12,9 @@ import pytest
 from tests.oracle import field_log
 
 
-def answered(run, rover, **how):
+def answered(run, rover, **options):
     """Run the four commands in an empty folder; return close-loop's exit code, verdict and error."""
-    field_log.write(Path(), rover, **how)
+    field_log.write(Path(), rover, **options)
     assert run("new-rover", "rover.urdf")[0] == 0
     assert run("check-urdf", "rover.toml")[0] == 0
     code, out, err = run("import-log", "recording.csv", "--rover", "rover.toml", "--out", "log", "--json")
@@ -38,12 +38,12 @@ def test_drag_without_a_differential_is_like_a_tether(run):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize(
-    ("rover", "how"),
+    ("rover", "options"),
     [("bogies", {"seconds": 30.0, "seed": 7}), ("skid", {"runs": 3, "seconds": 20.0, "seed": 2, "sides": 0.3})],
 )
-def test_where_nothing_is_hidden_nothing_is_named(run, rover, how):
+def test_where_nothing_is_hidden_nothing_is_named(run, rover, options):
     """The cart's noise was learnt after 110 columns had taken half of it: "none of these", -10 N in one moment."""
-    code, verdict, _ = answered(run, getattr(field_log, rover), **how)
+    code, verdict, _ = answered(run, getattr(field_log, rover), **options)
     assert code == 0
     assert verdict["answer"] == "no effect needed", verdict["sentence"]
 

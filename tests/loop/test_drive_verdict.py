@@ -21,7 +21,7 @@ from tests.experiments.drive_log import linear_drive as linear
 KINDS = ExitAngle, ViscousFriction, DeadBand
 
 
-def quiet(said):
+def quiet(message):
     pass
 
 
@@ -29,10 +29,10 @@ def ahead_of(experiment):
     """A run in which each of the laws shows otherwise, though all show alike in the log."""
     random, names = np.random.default_rng(3), [f"{kind.__name__}.{next(iter(kind.neutral))}" for kind in KINDS]
     shape = (1, *linear.SHAPE[1:])
-    other = {name: (experiment.slopes[name][0], 50.0 * random.normal(size=shape)) for name in names}
-    same = {name: (zero, slope[:1]) for name, (zero, slope) in experiment.slopes.items()}
+    second = {name: (experiment.slopes[name][0], 50.0 * random.normal(size=shape)) for name in names}
+    slopes = {name: (zero, slope[:1]) for name, (zero, slope) in experiment.slopes.items()}
     blank = np.zeros(shape)
-    ahead = linear.LinearExperiment(blank, same | other, folds=("with currents",))
+    ahead = linear.LinearExperiment(blank, slopes | second, folds=("with currents",))
     return Offer(ahead, linear.white(shape))
 
 
@@ -45,16 +45,16 @@ def verdict_of(monkeypatch):
     monkeypatch.setattr(loop_data, "experiment_of_log", lambda fitted: fitted.task.experiment)
     monkeypatch.setattr(loop_data, "cautions", lambda verdict, free: ())
 
-    def of(size, alike):
+    def of(size, candidates):
         random = np.random.default_rng(9)
-        columns, one = linear.slopes(random, linear.nuisances()), random.normal(size=linear.SHAPE)
+        columns, noise = linear.slopes(random, linear.nuisances()), random.normal(size=linear.SHAPE)
         for kind in KINDS:
             (name,) = kind.neutral
-            law = one if alike else random.normal(size=linear.SHAPE)
+            law = noise if candidates else random.normal(size=linear.SHAPE)
             reach = float(getattr(kind(), name)) - kind.neutral[name]
             columns[f"{kind.__name__}.{name}"] = (kind.neutral[name], law / reach)
-        shown = size * ExitAngle().e_1 * columns["ExitAngle.e_1"][1] + random.normal(size=linear.SHAPE)
-        experiment = linear.LinearExperiment(shown, columns, linear.runs_of(linear.SHAPE))
+        drawn_values = size * ExitAngle().e_1 * columns["ExitAngle.e_1"][1] + random.normal(size=linear.SHAPE)
+        experiment = linear.LinearExperiment(drawn_values, columns, linear.runs_of(linear.SHAPE))
         tried = [plain_candidate(kind()) for kind in KINDS]
         question = Question(
             "drive-log", "linear", experiment, linear.MODEL, linear.nuisances(), lambda base: tried,
@@ -70,9 +70,11 @@ def test_what_was_found_is_in_the_verdicts_model(verdict_of):
     verdict = verdict_of(1.5, alike=False)
     assert (verdict.answer, verdict.named) == (Answer.NAMED, ("ExitAngle",))
     assert verdict.model.effect(ExitAngle).e_1 == pytest.approx(1.5 * ExitAngle().e_1, rel=0.3)
-    assert [one.name for one in verdict.after.numbers] == ["soil.phi", "WeakMotor[0].g", "ExitAngle.e_1"]
-    assert [one.name for one in verdict.profiles] == ["ExitAngle.e_1"]
-    assert [(one.before, one.after) for one in extra_of(verdict).free] == [pytest.approx((0.01, 0.009))] * linear.RUNS
+    assert [number.name for number in verdict.after.numbers] == ["soil.phi", "WeakMotor[0].g", "ExitAngle.e_1"]
+    assert [profile.name for profile in verdict.profiles] == ["ExitAngle.e_1"]
+    assert [(score.before, score.after) for score in extra_of(verdict).free] == [
+        pytest.approx((0.01, 0.009))
+    ] * linear.RUNS
     assert verdict.experiments == ()
 
 

@@ -44,7 +44,7 @@ def test_a_log_of_one_run_says_what_it_lacks(scene, noisy, tmp_path):
 def test_wheels_that_others_push_are_no_fault(scene, tmp_path):
     """Motors of a rover whose duties differ give current back, so that it runs against their duty."""
     own_log.write(tmp_path, scene, runs=2, seconds=12.0, sensors=None, **SAND["nexus6"], **EASY)
-    assert not any("runs against" in str(each) for each in check_data(tmp_path).findings)
+    assert not any("runs against" in str(finding) for finding in check_data(tmp_path).findings)
 
 
 @pytest.mark.parametrize("rover", ["nexus6", "cart"])

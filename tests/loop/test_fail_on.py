@@ -19,8 +19,8 @@ from rover_pin.loop.verdict_file import write_draft
 from tests.oracle import brake_generator as hidden
 
 
-def closed(run, tmp_path, *words, **how):
-    data = hidden.write(tmp_path / "brake", **how)
+def closed(run, tmp_path, *words, **options):
+    data = hidden.write(tmp_path / "brake", **options)
     return run("close-loop", data, "--experiment", "motor_brake", "--out", "out", *words)
 
 
@@ -59,9 +59,9 @@ def test_first_screen_comes_first_and_can_be_opened(run, tmp_path, monkeypatch):
     for head in ("believe it because:", "doubt it because:", "next:"):
         assert head in out
     assert out.rstrip().endswith("written: out/report.html")
-    assert [each.rsplit("/", 1)[1] for each in opened] == ["report.html"]
-    written = sorted(each.name for each in Path("out").iterdir())
-    assert written == ["causes.png", "points-1.png", "points-2.png", "report.html", "verdict.json"]
+    assert [path.rsplit("/", 1)[1] for path in opened] == ["report.html"]
+    file_names = sorted(file.name for file in Path("out").iterdir())
+    assert file_names == ["causes.png", "points-1.png", "points-2.png", "report.html", "verdict.json"]
     page = Path("out/report.html").read_text()
     assert "model.toml" not in page  # nothing of files that were not written
 
@@ -76,34 +76,34 @@ def plain(value):
 
 def asked_by(line, monkeypatch):
     """What a command line asks the loop for; the loop itself is not run."""
-    seen = {}
+    request = {}
 
     def stopped(data, model, effects, out, say, **others):
-        seen.update(data=data, model=model, effects=effects, out=out, **others)
+        request.update(data=data, model=model, effects=effects, out=out, **others)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(close, "close_the_loop", stopped)
     words = shlex.split(line)
     assert words[0] == "rover-pin"
     CliRunner().invoke(app, words[1:])
-    return {name: plain(value) for name, value in seen.items()}
+    return {name: plain(value) for name, value in request.items()}
 
 
 @pytest.mark.parametrize("left_out", [*PARTS, ""])
 def test_command_repeats_the_request_whatever_names_contain(left_out, monkeypatch):
-    asked = dataclasses.replace(ASKED, **{name: value for name, value in PARTS.items() if name == left_out})
-    seen = asked_by(asked.command, monkeypatch)
+    changed_asked = dataclasses.replace(ASKED, **{name: value for name, value in PARTS.items() if name == left_out})
+    observed = asked_by(changed_asked.command, monkeypatch)
     for name in ("data", "out", *PARTS):
-        assert seen[name] == plain(getattr(asked, name)), name
+        assert observed[name] == plain(getattr(changed_asked, name)), name
 
 
 def test_command_that_tries_a_draft_starts_from_the_same_model(tmp_path, monkeypatch):
-    asked = dataclasses.replace(ASKED, effects=None, experiment=None)
+    changed_asked = dataclasses.replace(ASKED, effects=None, experiment=None)
     verdict = Verdict("wheel-rig", Answer.NONE_FITS, "x", "nothing fits", None, draft=Draft("code = 1\n"))
-    verdict, [file] = write_draft(verdict, asked, tmp_path / "my out")
-    seen = asked_by(verdict.draft.command, monkeypatch)
-    assert (seen["data"], seen["model"], seen["trust"]) == (asked.data, asked.model, True)
-    assert Path(seen["effects"]) == file
+    verdict, [file] = write_draft(verdict, changed_asked, tmp_path / "my out")
+    observed = asked_by(verdict.draft.command, monkeypatch)
+    assert (observed["data"], observed["model"], observed["trust"]) == (changed_asked.data, changed_asked.model, True)
+    assert Path(observed["effects"]) == file
     assert file.read_text() == "code = 1\n"
 
 

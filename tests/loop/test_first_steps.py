@@ -28,9 +28,9 @@ def written(tmp_path, header, rows=ROWS):
 
 def unread(tmp_path, header, rows=ROWS):
     return [
-        str(each)
-        for each in findings(RigExperiment((read_rig_set(written(tmp_path, header, rows)),)))
-        if "is not read" in each.what
+        str(finding)
+        for finding in findings(RigExperiment((read_rig_set(written(tmp_path, header, rows)),)))
+        if "is not read" in finding.what
     ]
 
 

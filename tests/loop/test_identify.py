@@ -53,10 +53,10 @@ def test_a_number_depends_on_its_assumption_until_it_is_stated():
     assert open_end["phi"].depends_on == ("soil.exit_ratio",)
     assert not open_end["phi"].is_found
     assert open_end["exit_ratio"].is_as_known
-    stated = identify(SMOOTH, {"exit_ratio": Prior(0.14, 0.01)})
-    assert stated["phi"].is_found
-    assert stated["phi"].depends_on == ()
-    width = [one["phi"].number.high - one["phi"].number.low for one in (open_end, stated)]
+    identification = identify(SMOOTH, {"exit_ratio": Prior(0.14, 0.01)})
+    assert identification["phi"].is_found
+    assert identification["phi"].depends_on == ()
+    width = [identified["phi"].number.high - identified["phi"].number.low for identified in (open_end, identification)]
     assert width[1] < 0.6 * width[0]
 
 
@@ -65,32 +65,34 @@ def test_a_number_depends_on_its_assumption_until_it_is_stated():
 
 def test_intervals_of_two_wheels_hold_the_truth_and_are_narrower():
     """Widths that differ part k_1 from k_2, which no single wheel does; what each wheel tells, both tell closer."""
-    held, width = [], {"narrow": [], "both": []}
+    covered, width = [], {"narrow": [], "both": []}
     for seed in range(10):
         sets = join_sets([rig("narrow", seed), rig("wide", seed)])
         fits = {"narrow": identify(sets.sets[0]), "both": identify(sets)}
         rows = [fits["both"][name].number for name in TRUTH]
-        held += [row.low <= TRUTH[name] <= row.high for name, row in zip(TRUTH, rows, strict=True)]
+        covered += [row.low <= TRUTH[name] <= row.high for name, row in zip(TRUTH, rows, strict=True)]
         for name, fit in fits.items():
-            width[name].append([fit[each].number.high - fit[each].number.low for each in ("k", "phi", "n")])
-    assert sum(held) >= 43, "95 % of 50, three SDs of a count below"
+            width[name].append(
+                [fit[number_name].number.high - fit[number_name].number.low for number_name in ("k", "phi", "n")]
+            )
+    assert sum(covered) >= 43, "95 % of 50, three SDs of a count below"
     assert (np.mean(width["both"], axis=0) < np.mean(width["narrow"], axis=0)).all()
 
 
 def test_noiseless_rig_returns_the_soil():
-    found = identify(join_sets([rig("narrow", times=0.0), rig("wide", times=0.0)]))
+    identification = identify(join_sets([rig("narrow", times=0.0), rig("wide", times=0.0)]))
     for name in ("k", "phi", "n"):
-        assert found[name].number.value == pytest.approx(TRUTH[name], rel=0.01)
-        assert found[name].is_found
-    assert found.misfit < 0.01
+        assert identification[name].number.value == pytest.approx(TRUTH[name], rel=0.01)
+        assert identification[name].is_found
+    assert identification.misfit < 0.01
 
 
 @pytest.mark.slow
 def test_numbers_are_those_of_the_loop_before_anything_is_added():
     by_loop = {number.name: number for number in close_the_loop(SMOOTH).before.numbers}
-    found = identify(SMOOTH)
-    assert {estimate.number.name for estimate in found.estimates} == by_loop.keys()
-    for estimate in found.estimates:
+    identification = identify(SMOOTH)
+    assert {estimate.number.name for estimate in identification.estimates} == by_loop.keys()
+    for estimate in identification.estimates:
         row = by_loop[estimate.number.name]
         assert estimate.number.value == pytest.approx(row.value, rel=1e-6)
         assert (estimate.number.low, estimate.number.high) == pytest.approx((row.low, row.high), rel=1e-3)
@@ -101,14 +103,14 @@ def test_numbers_are_those_of_the_loop_before_anything_is_added():
 
 @pytest.mark.parametrize("sd", [1e-4, 0.002])
 def test_an_uncertain_size_is_fitted_within_what_is_stated(sd):
-    found = identify(SMOOTH, {"wheel.r": Prior(0.061, sd)})
-    assert found["r"].number.declared
-    assert abs(found["r"].number.value - 0.061) < 2.0 * sd
-    assert found["r"].prior_shares["wheel.r"] <= 1.0
+    identification = identify(SMOOTH, {"wheel.r": Prior(0.061, sd)})
+    assert identification["r"].number.declared
+    assert abs(identification["r"].number.value - 0.061) < 2.0 * sd
+    assert identification["r"].prior_shares["wheel.r"] <= 1.0
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("value", "message"),
     [
         ({"priors": {"phj": Prior(0.5, 0.1)}}, "no number 'phj': did you mean 'phi'"),
         ({"priors": {"phi": Prior(50.0, 1.0)}}, "soil.phi = 50 rad is not allowed"),
@@ -116,9 +118,9 @@ def test_an_uncertain_size_is_fitted_within_what_is_stated(sd):
         ({"fixed": {"sand.n": 1.0}}, "no 'sand' to fit"),
     ],
 )
-def test_what_cannot_be_stated_is_refused(given, said):
-    with pytest.raises(ParameterError, match=said):
-        identify(SMOOTH, **given)
+def test_what_cannot_be_stated_is_refused(value, message):
+    with pytest.raises(ParameterError, match=message):
+        identify(SMOOTH, **value)
 
 
 # --- data ------------------------------------------------------------------------------------------------------------
@@ -136,12 +138,12 @@ def test_wheels_askew_and_errors_of_the_rig_are_fitted(tmp_path):
 
 def test_the_log_of_the_climb_says_which_soil_it_was():
     """Declared k = 3.5 mm, made with 1.5 mm and 30 deg; k depends on the angle at which wheels are taken to sink."""
-    found = identify(LOG)
-    k, phi = found["k"], found["phi"]
+    identification = identify(LOG)
+    k, phi = identification["k"], identification["phi"]
     assert k.number.low < 0.0015 < k.number.high < 0.0025
     assert phi.number.low < math.radians(30.0) < phi.number.high
     assert k.depends_on[0] == "soil.theta_1"
-    assert "motor.resistance" in found["phi"].prior_shares
+    assert "motor.resistance" in identification["phi"].prior_shares
 
 
 def test_the_command_prints_the_same_as_text_and_as_json(run):
@@ -163,9 +165,9 @@ def test_a_log_without_motors_is_identified_from_its_drives(run, tmp_path):
     assert run("import-log", "plain.csv", "--rover", "cart")[0] == 0
     code, out, err = run("identify", "plain", "--json")
     assert code == 0, err
-    told = json.loads(out)
-    assert {"soil.phi", "soil.k", "soil.k_1"} <= told["parameters"].keys()
-    assert told["misfit"] < 2.0
+    report = json.loads(out)
+    assert {"soil.phi", "soil.k", "soil.k_1"} <= report["parameters"].keys()
+    assert report["misfit"] < 2.0
 
 
 @pytest.mark.parametrize("command", ["close-loop", "check-data"])

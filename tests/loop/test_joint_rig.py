@@ -62,31 +62,29 @@ def fitted(joint):
 def test_one_soil_under_two_wheels_and_an_error_of_one_rig_alone(sets):
     """K of the sand holds at both widths, so k_2 is 0; the tare is the large wheel's, and of its size."""
     joint = read_joint(sets)
-    found = fitted(joint)
-    names = [one.name for one in found.parameters]
+    joint_fit = fitted(joint)
+    names = [parameter.name for parameter in joint_fit.parameters]
     assert "large.rig.pull_tare" in names
     assert not [name for name in names if name.startswith("small.")]
     assert {"soil.k", "soil.phi", "soil.k_1", "soil.k_2", "soil.n", "soil.c"} <= set(names)
     true = hidden.Rig("none").soil
-    assert found.value("soil.phi") == pytest.approx(true["phi"], abs=0.03)
-    assert found.value("soil.k") == pytest.approx(true["k"], rel=0.15)
-    at = [found.value("soil.k_1") + found.value("soil.k_2") * b for b in (0.06, 0.10)]
+    assert joint_fit.value("soil.phi") == pytest.approx(true["phi"], abs=0.03)
+    assert joint_fit.value("soil.k") == pytest.approx(true["k"], rel=0.15)
+    at = [joint_fit.value("soil.k_1") + joint_fit.value("soil.k_2") * b for b in (0.06, 0.10)]
     assert at == pytest.approx([true["K"]] * 2, rel=0.15)
-    assert found.value("large.rig.pull_tare") == pytest.approx(TARE, abs=0.6)
-    assert found.misfit < 1.3
+    assert joint_fit.value("large.rig.pull_tare") == pytest.approx(TARE, abs=0.6)
+    assert joint_fit.misfit < 1.3
 
 
 def test_a_set_cut_in_two_is_fitted_as_the_whole(sets):
-    whole = read_rig_set(sets[0])
-    low = whole.level < 2
-    parts = [
-        dataclasses.replace(part, name=name) for name, part in (("low", whole.rows(low)), ("high", whole.rows(~low)))
-    ]
-    experiment = RigExperiment((whole,))
-    model = RigModel(whole.wheel, whole.soil(), errors=whole.errors)
+    rig = read_rig_set(sets[0])
+    low = rig.level < 2
+    parts = [dataclasses.replace(part, name=name) for name, part in (("low", rig.rows(low)), ("high", rig.rows(~low)))]
+    experiment = RigExperiment((rig,))
+    model = RigModel(rig.wheel, rig.soil(), errors=rig.errors)
     alone = calibrated(experiment, model, experiment.uncertain(model))
     together = fitted(join_sets(parts))
-    assert [one.name for one in together.parameters] == [one.name for one in alone.parameters]
+    assert [parameter.name for parameter in together.parameters] == [parameter.name for parameter in alone.parameters]
     assert together.u == pytest.approx(alone.u, abs=1e-3)
     assert together.misfit == pytest.approx(alone.misfit, rel=1e-5)
 
@@ -94,22 +92,23 @@ def test_a_set_cut_in_two_is_fitted_as_the_whole(sets):
 def test_slopes_are_prediction_differences_for_any_lug_height(sets, lugged):
     joint = read_joint([*sets, *lugged])
     base = joint.base_model()
-    lugs = next(one for one in candidates(joint, base, rig_kinds()) if one.kind == "LugExcavation")
+    lugs = next(candidate for candidate in candidates(joint, base, rig_kinds()) if candidate.kind == "LugExcavation")
     assert lugs.effect.h_l == 0.006
     model = lugs.on(base)
     heights = {
-        name: [one.h_l for one in model.of(name).effects if isinstance(one, LugExcavation)] for name in joint.runs
+        name: [effect.h_l for effect in model.of(name).effects if isinstance(effect, LugExcavation)]
+        for name in joint.runs
     }
     assert heights == {"small": [0.006], "large": [0.006], "low": [0.003], "high": [0.006], "smooth": []}
     numbers = (*joint.uncertain(base), *lugs.cause.parameters)
     u = np.full(len(numbers), 0.1)
     slopes = joint.sensitivities(model, numbers, u).slopes
-    for at, one in enumerate(numbers):
+    for at, number in enumerate(numbers):
         step = 1e-5 * np.eye(len(u))[at]
-        up, down = (joint.sensitivities(model, numbers, u + each).predicted for each in (step, -step))
+        up, down = (joint.sensitivities(model, numbers, u + shift).predicted for shift in (step, -step))
         np.testing.assert_allclose(slopes[at], (up - down) / 2e-5, atol=1e-7 + 1e-5 * np.nanmax(np.abs(slopes[at])),
-                                   err_msg=one.name)  # fmt: skip
-    named = joint.with_values(model, {one.name: one.value(0.1) for one in numbers})
+                                   err_msg=number.name)  # fmt: skip
+    named = joint.with_values(model, {number.name: number.value(0.1) for number in numbers})
     np.testing.assert_allclose(
         joint.predict([named])[0], np.nan_to_num(joint.sensitivities(model, numbers, u).predicted)
     )
@@ -120,21 +119,22 @@ def test_lugs_dig_from_the_start_where_every_set_declares_them(sets, lugged):
     joint = read_joint(lugged)
     base = joint.base_model()
     heights = {
-        name: [one.h_l for one in base.of(name).effects if isinstance(one, LugExcavation)] for name in joint.runs
+        name: [effect.h_l for effect in base.of(name).effects if isinstance(effect, LugExcavation)]
+        for name in joint.runs
     }
     assert heights == {"low": [0.003], "high": [0.006], "smooth": []}
     numbers = joint.uncertain(base)
-    (at,) = [at for at, one in enumerate(numbers) if "h_l" in one.name]
+    (at,) = [at for at, number in enumerate(numbers) if "h_l" in number.name]
     assert (numbers[at].name, numbers[at].origin, numbers[at].scale) == ("LugExcavation.h_l", 0.006, 0.3 * 0.006)
-    assert "LugExcavation" not in {one.kind for one in candidates(joint, base, rig_kinds())}
+    assert "LugExcavation" not in {candidate.kind for candidate in candidates(joint, base, rig_kinds())}
     u = np.full(len(numbers), 0.1)
     slopes = joint.sensitivities(base, numbers, u).slopes[at]
     step = 1e-5 * np.eye(len(u))[at]
-    up, down = (joint.sensitivities(base, numbers, u + each).predicted for each in (step, -step))
+    up, down = (joint.sensitivities(base, numbers, u + shift).predicted for shift in (step, -step))
     np.testing.assert_allclose(slopes, (up - down) / 2e-5, atol=1e-7 + 1e-5 * np.nanmax(np.abs(slopes)))
     assert np.nanmax(np.abs(slopes)) > 0
     untold = read_joint([sets[0], lugged[1]]).base_model()
-    assert "LugExcavation" not in {type(one).__name__ for one in untold.effects}
+    assert "LugExcavation" not in {type(effect).__name__ for effect in untold.effects}
 
 
 def test_what_is_no_joint_fit_is_refused(sets, tmp_path):
@@ -163,17 +163,17 @@ def softened(tmp_path_factory):
 def test_common_missing_effect_is_named_with_errors_of_each_set(softened):
     joint, verdict = softened
     assert verdict.named == ("SlipSoftening",)
-    rows = {(one.set, one.channel): one for one in verdict.extra.sets}
+    rows = {(set_row.set, set_row.channel): set_row for set_row in verdict.extra.sets}
     assert set(rows) == {(name, channel) for name in joint.runs for channel in joint.channels}
     for name in joint.runs:
-        one = rows[name, "sinkage"]
-        assert one.after < 0.5 * one.before
-        levels = [each.after for each in next(s for s in verdict.scores if s.name == "sinkage").levels]
-        own = [error for error, fold in zip(levels, joint.folds, strict=True) if fold.startswith(f"{name}: ")]
-        assert one.after == pytest.approx(np.sqrt(np.mean(np.square(own)))), "as many runs at each level"
+        set_row = rows[name, "sinkage"]
+        assert set_row.after < 0.5 * set_row.before
+        levels = [level.after for level in next(s for s in verdict.scores if s.name == "sinkage").levels]
+        errors_of_set = [error for error, fold in zip(levels, joint.folds, strict=True) if fold.startswith(f"{name}: ")]
+        assert set_row.after == pytest.approx(np.sqrt(np.mean(np.square(errors_of_set)))), "as many runs at each level"
         assert f"{name}: held-out sinkage" in verdict.summary()
-    lost = [one for one in verdict.extra.sets if one.curve_error < one.after]
-    assert sum("of that set alone" in said for said in verdict.cautions) == len(lost)
+    lost = [set_row for set_row in verdict.extra.sets if set_row.curve_error < set_row.after]
+    assert sum("of that set alone" in caution for caution in verdict.cautions) == len(lost)
 
 
 @pytest.mark.slow
@@ -183,21 +183,21 @@ def test_loop_on_two_sets_writes_a_report_and_a_model_of_each(sets, tmp_path):
     page = (tmp_path / "report.html").read_text()
     assert "Errors of each set" in page
     assert "small: sinkage" in page
-    assert {one.name for one in verdict.files} >= {
+    assert {row.name for row in verdict.files} >= {
         "model-small.toml",
         "model-large.toml",
         "report.html",
         "verdict.json",
     }
     assert read_model(tmp_path / "model-large.toml").wheel == Wheel(0.125, 0.10)
-    kept = json.loads((tmp_path / "verdict.json").read_text())
-    assert [one["set"] for one in kept["extra"]["sets"]] == ["small"] * 3 + ["large"] * 3
-    assert kept["command"].startswith("rover-pin close-loop ")
+    report = json.loads((tmp_path / "verdict.json").read_text())
+    assert [row["set"] for row in report["extra"]["sets"]] == ["small"] * 3 + ["large"] * 3
+    assert report["command"].startswith("rover-pin close-loop ")
 
 
 def test_a_run_that_stands_in_two_sets_is_used_once(sets, tmp_path):
     small = read_rig_set(sets[0])
-    other = dataclasses.replace(small, name="again")
+    changed_small = dataclasses.replace(small, name="again")
     more = written(tmp_path, "more", seed=7)
     rows = (more / "points.csv").read_text().splitlines() + (sets[0] / "points.csv").read_text().splitlines()[1:4]
     (more / "points.csv").write_text("\n".join(rows) + "\n")
@@ -206,4 +206,4 @@ def test_a_run_that_stands_in_two_sets_is_used_once(sets, tmp_path):
     assert finding.startswith("more: 3 of 13 runs ")
     assert int(np.isfinite(joint.observed[:, 0]).sum()) == 20
     with pytest.raises(DataError, match="again: every run"):
-        join_sets([small, other])
+        join_sets([small, changed_small])

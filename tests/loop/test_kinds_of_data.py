@@ -53,9 +53,9 @@ def test_the_packages_experiments_are_found_by_looking(tmp_path):
 def test_data_that_cannot_answer_say_so_under_their_own_kind(tmp_path):
     request = LoopRequest("tides", out=tmp_path)
     close(loop_data(tide(1), request), request)
-    written = json.loads((tmp_path / "verdict.json").read_text())
-    assert (written["kind"], written["answer"]) == ("tide", Answer.CANNOT_TELL.value)
-    assert written["sentence"] == "one tide is too few"
+    report = json.loads((tmp_path / "verdict.json").read_text())
+    assert (report["kind"], report["answer"]) == ("tide", Answer.CANNOT_TELL.value)
+    assert report["sentence"] == "one tide is too few"
     assert (tmp_path / "report.html").exists()
 
 

@@ -18,8 +18,8 @@ from tests.oracle import brake_generator as hidden
 FILE = Path(shipped.__file__)
 
 
-def closed(folder, **how):
-    return close_the_loop(hidden.write(folder, **how), experiment="motor_brake")
+def closed(folder, **options):
+    return close_the_loop(hidden.write(folder, **options), experiment="motor_brake")
 
 
 def test_it_predicts_what_the_plain_generator_measures(tmp_path, monkeypatch):
@@ -29,16 +29,18 @@ def test_it_predicts_what_the_plain_generator_measures(tmp_path, monkeypatch):
 
 
 def test_a_hidden_friction_is_named_with_its_size(tmp_path):
-    found = closed(tmp_path, seed=0, viscous=0.02)
-    assert found.answer is Answer.NAMED, found.summary()
-    assert found.named == ("ViscousFriction",)
-    assert 0.0 <= found.provenance["seconds"] < 600.0
-    size = {one.name: one for one in found.after.numbers}["ViscousFriction.b_v"]
+    conclusion = closed(tmp_path, seed=0, viscous=0.02)
+    assert conclusion.answer is Answer.NAMED, conclusion.summary()
+    assert conclusion.named == ("ViscousFriction",)
+    assert 0.0 <= conclusion.provenance["seconds"] < 600.0
+    size = {number.name: number for number in conclusion.after.numbers}["ViscousFriction.b_v"]
     assert size.low < 0.02 < size.high
-    assert found.after.misfit < 1.5 < found.before.misfit
-    assert set(found.chosen.values()) == {"ViscousFriction"}
-    assert found.share > 0.8
-    assert f"ViscousFriction chosen in {len(found.chosen)} of {len(found.chosen)} folds" in found.summary()
+    assert conclusion.after.misfit < 1.5 < conclusion.before.misfit
+    assert set(conclusion.chosen.values()) == {"ViscousFriction"}
+    assert conclusion.share > 0.8
+    assert (
+        f"ViscousFriction chosen in {len(conclusion.chosen)} of {len(conclusion.chosen)} folds" in conclusion.summary()
+    )
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -47,27 +49,27 @@ def test_without_anything_hidden_nothing_is_named(tmp_path, seed):
 
 
 def test_other_law_is_like_the_nearest_and_is_not_named_alone(tmp_path):
-    found = closed(tmp_path, seed=1, square=0.03)
-    assert found.answer is Answer.LIKE, found.summary()
-    assert found.named[0] == "ViscousFriction"
-    assert "something like ViscousFriction" in found.sentence
-    assert 0.5 < found.share < 1.0
+    conclusion = closed(tmp_path, seed=1, square=0.03)
+    assert conclusion.answer is Answer.LIKE, conclusion.summary()
+    assert conclusion.named[0] == "ViscousFriction"
+    assert "something like ViscousFriction" in conclusion.sentence
+    assert 0.5 < conclusion.share < 1.0
 
 
 def test_user_copy_is_found_by_path_and_the_verdict_is_written(tmp_path):
     mine = tmp_path / "my_bed.py"
     mine.write_text(FILE.read_text().replace("motor on a brake", "my motor").replace("class MotorBrake", "class Mine"))
     folder, out = hidden.write(tmp_path / "data", 0, viscous=0.02), tmp_path / "out"
-    found = close_the_loop(folder, experiment=mine, out=out)
-    kept = json.loads((out / "verdict.json").read_text())
-    assert found.name == "my motor"
-    assert (kept["kind"], kept["schema"], kept["effects"]) == ("test-bed", SCHEMA, ["ViscousFriction"])
-    assert kept["command"] == f"rover-pin close-loop {folder} --out {out} --experiment {mine}"
-    assert kept["reduced_chi_square"]["after"] == pytest.approx(found.after.misfit)
+    conclusion = close_the_loop(folder, experiment=mine, out=out)
+    report = json.loads((out / "verdict.json").read_text())
+    assert conclusion.name == "my motor"
+    assert (report["kind"], report["schema"], report["effects"]) == ("test-bed", SCHEMA, ["ViscousFriction"])
+    assert report["command"] == f"rover-pin close-loop {folder} --out {out} --experiment {mine}"
+    assert report["reduced_chi_square"]["after"] == pytest.approx(conclusion.after.misfit)
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         (None, "there is no such file of an experiment; give its path, or one of: motor_brake"),
         ("x = 1\n", "here there is none"),
@@ -78,8 +80,8 @@ def test_user_copy_is_found_by_path_and_the_verdict_is_written(tmp_path):
         ),
     ],
 )
-def test_a_file_that_is_no_experiment_is_refused(tmp_path, text, said):
+def test_a_file_that_is_no_experiment_is_refused(tmp_path, text, message):
     if text is not None:
         (tmp_path / "bench.py").write_text(text)
-    with pytest.raises(DataError, match=said):
+    with pytest.raises(DataError, match=message):
         read_experiment(tmp_path, tmp_path / "bench.py")

@@ -35,9 +35,9 @@ from tests.oracle.terramechanics import panel_forces
 def assert_found(verdict, number, true):
     """The number's owner is named, alone, and its interval holds the truth."""
     assert verdict.named == (number.partition(".")[0],), verdict.summary()
-    (found,) = (each for each in verdict.after.numbers if each.name == number)
-    assert found.low < true < found.high
-    assert found.value == pytest.approx(true, rel=0.15)
+    (fitted_number,) = (fitted for fitted in verdict.after.numbers if fitted.name == number)
+    assert fitted_number.low < true < fitted_number.high
+    assert fitted_number.value == pytest.approx(true, rel=0.15)
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_of_slip_against_slope(tmp_path):
     slope_generator.write(tmp_path, sd=0.0, repeats=1, digs=0.8)
     bed = SlipSlope.read(tmp_path)
     base = bed.with_values(bed.base_model(), {"MotionResistance.R": 0.05})
-    tried = {each.name: each for each in bed.candidates(base, known_effects(None))}
+    tried = {candidate.name: candidate for candidate in bed.candidates(base, known_effects(None))}
 
     def missed(name, values=()):
         model = bed.with_values(tried[name].on(base), dict(values))
@@ -100,8 +100,9 @@ def test_of_a_drive_log(tmp_path):
     experiment, model, numbers = experiment_on(log, with_spread(base_model(log), motors=True))
     base = calibrate(experiment, model, numbers)
     tried = [
-        each for each in candidates(model, experiment, numbers, known_effects(None))
-        if each.kind in ("TachoScale", "SensorBias") and not each.place.startswith(("current", "rocker", "bogie"))
+        candidate for candidate in candidates(model, experiment, numbers, known_effects(None))
+        if candidate.kind in ("TachoScale", "SensorBias")
+        and not candidate.place.startswith(("current", "rocker", "bogie"))
     ]  # fmt: skip
     rows = signatures(base, tried)
     search = Search(again(with_learnt_noise(base, [row.shift for row in rows]), stale=True))
@@ -111,9 +112,9 @@ def test_of_a_drive_log(tmp_path):
     by_name = {parameter.name: parameter for parameter in best.parameters}
     for number, true in (("TachoScale[mr].e", 0.12), ("SensorBias[body_pitch].bias", 0.02)):
         mean, sd = best.moments(number)
-        found = [by_name[number].value(mean + step * sd) for step in (-3.0, 0.0, 3.0)]
-        assert found[0] < true < found[2]
-        assert found[1] == pytest.approx(true, rel=0.4), "what a motor's own gain takes is not the sensor's"
+        values_in_prior = [by_name[number].value(mean + step * sd) for step in (-3.0, 0.0, 3.0)]
+        assert values_in_prior[0] < true < values_in_prior[2]
+        assert values_in_prior[1] == pytest.approx(true, rel=0.4), "what a motor's own gain takes is not the sensor's"
 
 
 def test_of_traction_factors():
@@ -126,8 +127,8 @@ def test_of_traction_factors():
         f_n, f_t, _ = panel_forces(S, *ends.values(), r, b, 0.005, true["phi"], true["k"], 5e4, 1.0)
         factor.append(float(f_t / f_n))
     points = TractionPoints(slips, np.array(factor), 0.004)
-    held = {"r": r, "b": b, "c": 0.005, "n": 1.0, "k_1": 5e4, **ends}
-    found = identify(TractionFactors(points, Parts({"soil": Soil(), "wheel": Wheel()})), fixed=held)
-    assert found.found == ("soil.phi", "soil.k")
+    constants = {"r": r, "b": b, "c": 0.005, "n": 1.0, "k_1": 5e4, **ends}
+    identification = identify(TractionFactors(points, Parts({"soil": Soil(), "wheel": Wheel()})), fixed=constants)
+    assert identification.found == ("soil.phi", "soil.k")
     for name, value in true.items():
-        assert found[name].number.value == pytest.approx(value, rel=0.01)
+        assert identification[name].number.value == pytest.approx(value, rel=0.01)

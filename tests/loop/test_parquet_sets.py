@@ -30,14 +30,18 @@ def in_parquet(tmp_path):
 
 
 def test_a_rig_set_in_parquet_is_the_same(tmp_path):
-    one, other = read_rig_set(DATA / "cmu-smooth-wheel"), read_rig_set(in_parquet(tmp_path))
-    assert np.array_equal(one.slip, other.slip)
-    assert np.array_equal(one.load, other.load)
-    for a, b in zip(one.channels, other.channels, strict=True):
+    csv_set, parquet_set = read_rig_set(DATA / "cmu-smooth-wheel"), read_rig_set(in_parquet(tmp_path))
+    assert np.array_equal(csv_set.slip, parquet_set.slip)
+    assert np.array_equal(csv_set.load, parquet_set.load)
+    for a, b in zip(csv_set.channels, parquet_set.channels, strict=True):
         assert np.array_equal(a.measured, b.measured)
         assert np.array_equal(a.sd, b.sd)
-    assert (one.level_names, one.runs, one.soil()) == (other.level_names, other.runs, other.soil())
-    assert len(one.trials) == len(other.trials) > 0
+    assert (csv_set.level_names, csv_set.runs, csv_set.soil()) == (
+        parquet_set.level_names,
+        parquet_set.runs,
+        parquet_set.soil(),
+    )
+    assert len(csv_set.trials) == len(parquet_set.trials) > 0
 
 
 def test_a_wrong_parquet_file_is_one_sentence(tmp_path):
@@ -71,7 +75,10 @@ def test_a_drive_log_in_parquet_is_the_same(tmp_path):
     channels = {"t_s": np.arange(50) / 7.0, "duty_fl": random.uniform(-1, 1, 50), "body_x": random.normal(size=50)}
     channels["body_x"][10:20] = np.nan
     folder = write_drive_log(tmp_path / "csv", {"run": Trace(channels)}, LogMetadata("field"))
-    (one,), (other,) = read_drive_log(folder).runs, read_drive_log(log(tmp_path / "p", "run.parquet", **channels)).runs
-    assert one.units == other.units
+    (csv_run,), (parquet_run,) = (
+        read_drive_log(folder).runs,
+        read_drive_log(log(tmp_path / "p", "run.parquet", **channels)).runs,
+    )
+    assert csv_run.units == parquet_run.units
     for name in channels:
-        assert np.array_equal(one[name], other[name], equal_nan=True)
+        assert np.array_equal(csv_run[name], parquet_run[name], equal_nan=True)

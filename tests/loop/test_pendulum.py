@@ -67,8 +67,8 @@ def test_without_any_law_no_energy_is_lost_or_won(bench):
 
 
 def test_each_friction_takes_what_its_law_says(bench):
-    far = {name: lost(bench, **{name: numbers}) for name, numbers in SIZES.items()}
-    for name, (power, w, carried) in far.items():
+    sizes = {name: lost(bench, **{name: numbers}) for name, numbers in SIZES.items()}
+    for name, (power, w, carried) in sizes.items():
         assert (power >= 0.0).all(), name
         assert power == pytest.approx(np.abs(w) * SIZES_AT[name](np.abs(w), np.abs(carried)), rel=1e-4), name
 
@@ -90,10 +90,10 @@ SIZES_AT = {
 def test_the_command_names_the_hidden_law(run, tmp_path):
     true = hidden.write(tmp_path / "data", "Viscous", seed=1, length=0.8)["b"]
     code, _, err = run("close-loop", str(tmp_path / "data"), "--experiment", "pendulum", "--out", str(tmp_path / "out"))
-    kept = json.loads((tmp_path / "out" / "verdict.json").read_text())
+    report = json.loads((tmp_path / "out" / "verdict.json").read_text())
     assert code == 0, err
-    assert kept["effects"] == ["Viscous"]
-    assert kept["after"]["Viscous.b"]["low"] < true < kept["after"]["Viscous.b"]["high"]
+    assert report["effects"] == ["Viscous"]
+    assert report["after"]["Viscous.b"]["low"] < true < report["after"]["Viscous.b"]["high"]
     assert (tmp_path / "out" / "report.html").is_file()
 
 
@@ -126,9 +126,9 @@ def test_blind_sets_are_named_or_in_the_set_and_nulls_not(tmp_path):
     """A minute and a half; `studies/blind_pendulum.py` has twenty laws and ten nulls on other seeds."""
     for seed, law in enumerate([*hidden.LAWS, "none", "none"], 10):
         hidden.write(tmp_path / str(seed), law, seed)
-        found = close_the_loop(tmp_path / str(seed), experiment="pendulum")
+        verdict = close_the_loop(tmp_path / str(seed), experiment="pendulum")
         if law == "none":
-            assert found.answer is Answer.NONE_NEEDED, (seed, found.summary())
+            assert verdict.answer is Answer.NONE_NEEDED, (seed, verdict.summary())
         else:
-            assert found.answer in (Answer.NAMED, Answer.SET), (seed, found.summary())
-            assert law in found.indistinguishable, (seed, law, found.summary())
+            assert verdict.answer in (Answer.NAMED, Answer.SET), (seed, verdict.summary())
+            assert law in verdict.indistinguishable, (seed, law, verdict.summary())

@@ -22,11 +22,11 @@ k_1 = { value = 65, unit = "kPa", sd = 30 }
 """
 
 
-def folder(tmp_path, text=TOML, **how):
+def folder(tmp_path, text=TOML, **options):
     (tmp_path / "rover.urdf").write_text(generator.field_log.skid()[0])
     new_rover(tmp_path / "rover.urdf")
     (tmp_path / "slope.toml").write_text(text)
-    generator.write(tmp_path, **how)
+    generator.write(tmp_path, **options)
     return tmp_path
 
 
@@ -38,23 +38,23 @@ def test_it_predicts_what_the_plain_generator_finds(tmp_path):
 
 @pytest.mark.slow
 def test_table_without_hidden_effect_needs_none_and_gives_soil(tmp_path):
-    made = folder(tmp_path, TOML.replace("31.5", "33.5"))
-    found = close_the_loop(made)
-    assert found.answer is Answer.NONE_NEEDED, found.summary()
-    told = {one.name: one for one in found.after.numbers}
-    assert told["soil.phi"].low < math.radians(31.5) < told["soil.phi"].high
-    assert found.after.misfit < 1.5
+    set_folder = folder(tmp_path, TOML.replace("31.5", "33.5"))
+    conclusion = close_the_loop(set_folder)
+    assert conclusion.answer is Answer.NONE_NEEDED, conclusion.summary()
+    numbers = {number.name: number for number in conclusion.after.numbers}
+    assert numbers["soil.phi"].low < math.radians(31.5) < numbers["soil.phi"].high
+    assert conclusion.after.misfit < 1.5
 
 
 @pytest.mark.nightly
 def test_digging_is_found_in_a_sufficiently_fine_table(tmp_path):
     """n + 0.8 S, an SD of 0.003, slips up to 0.57: chi2 falls by 15, and a smooth function may do as well."""
-    made = folder(tmp_path, sd=0.003, slopes=(*generator.SLOPES, 16.0, 18.0), digs=0.8)
-    found = close_the_loop(made)
-    assert found.answer in (Answer.NAMED, Answer.SET, Answer.CANNOT_TELL), found.summary()
-    assert next(iter(found.beliefs.included)) == "SlipSinkage"
-    sinks = found.beliefs.best(("SlipSinkage",))
-    mean, sd = found.beliefs.moments(sinks, "SlipSinkage.n_1")
+    set_folder = folder(tmp_path, sd=0.003, slopes=(*generator.SLOPES, 16.0, 18.0), digs=0.8)
+    conclusion = close_the_loop(set_folder)
+    assert conclusion.answer in (Answer.NAMED, Answer.SET, Answer.CANNOT_TELL), conclusion.summary()
+    assert next(iter(conclusion.beliefs.included)) == "SlipSinkage"
+    sinks = conclusion.beliefs.best(("SlipSinkage",))
+    mean, sd = conclusion.beliefs.moments(sinks, "SlipSinkage.n_1")
     number = next(number for number in sinks.parameters if number.name == "SlipSinkage.n_1")
     assert number.value(mean - 2.0 * sd) < 0.8 < number.value(mean + 2.0 * sd)
 
@@ -68,7 +68,7 @@ def test_a_slope_that_no_slip_climbs_is_stuck(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "points", "said"),
+    ("text", "points", "message"),
     [
         (TOML.replace("slip-slope", "slope"), "", "kind = 'slope'"),
         (TOML + "[motor]\nsupply = 1\n", "", "there is no key 'motor'"),
@@ -78,11 +78,11 @@ def test_a_slope_that_no_slip_climbs_is_stuck(tmp_path):
         (TOML, "run,slope,slip,slip_sd\na,5,0.2,0.1\n", "slope_deg"),
     ],
 )
-def test_what_is_no_such_table_is_refused_in_one_sentence(tmp_path, text, points, said):
+def test_what_is_no_such_table_is_refused_in_one_sentence(tmp_path, text, points, message):
     (tmp_path / "rover.urdf").write_text(generator.field_log.skid()[0])
     new_rover(tmp_path / "rover.urdf")
     (tmp_path / "slope.toml").write_text(text)
     (tmp_path / "points.csv").write_text(points or "run,slope_deg,slip,slip_sd\na,5,0.2,0.1\n")
-    with pytest.raises(DataError, match=said) as error:
+    with pytest.raises(DataError, match=message) as error:
         SlipSlope.read(tmp_path)
     assert "\n" not in str(error.value)

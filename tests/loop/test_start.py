@@ -33,7 +33,7 @@ def test_a_wheels_model_starts_the_loop_of_a_log(wheels):
     assert model.soils[0] == SAND
     assert model.effect(SlipSinkage).n_1 == 0.7
     assert model.effect(SoilTraction) == PAPER[0]
-    assert [one.name for one in model.rover.wheels] == [one.name for one in log.load_rover().wheels]
+    assert [wheel.name for wheel in model.rover.wheels] == [wheel.name for wheel in log.load_rover().wheels]
     assert model.rover.wheel == log.load_rover().wheel
 
 

@@ -140,9 +140,9 @@ def test_the_noise_of_repeats_is_that_of_the_normal_numbers_that_made_it():
     assert np.mean(noise) == pytest.approx(0.02, rel=0.05)
     strayed = curve + random.normal(0.0, 0.3, 24)
     strayed[10] += 6.0
-    found = repeat_noise(strayed, slip, group)
-    assert found.sd == pytest.approx(0.3, rel=0.5)
-    assert 10 in found.outlying
+    repeat_sd = repeat_noise(strayed, slip, group)
+    assert repeat_sd.sd == pytest.approx(0.3, rel=0.5)
+    assert 10 in repeat_sd.outlying
     assert repeat_noise(curve, np.arange(24) / 30.0, np.arange(24)) is None
 
 

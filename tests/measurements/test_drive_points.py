@@ -70,10 +70,10 @@ def true_factor(S):
 
 def test_a_log_with_sensors_tells_the_soil_that_made_it(log):
     """Samples classed one by one said k = 5.0 mm [3.6, 7.3], phi = 17 deg [15, 21]."""
-    found = identify(log)
+    identification = identify(log)
     for name, truth in (("k", 0.01), ("phi", math.radians(30.0))):
-        assert holds(found[name].number, truth)
-    assert found["k"].number.high / found["k"].number.low < 2.0
+        assert holds(identification[name].number, truth)
+    assert identification["k"].number.high / identification["k"].number.low < 2.0
 
 
 def test_other_rover_has_the_angles_and_the_lag_of_its_own_wheel(tmp_path, monkeypatch):
@@ -94,7 +94,9 @@ def test_other_rover_has_the_angles_and_the_lag_of_its_own_wheel(tmp_path, monke
     soil, rows = cart.model.soils[0], zip(points.slip, points.load, strict=True)
     carrying = [(S, soil.replace(theta_1=entry_angle(W, S, points.wheel, soil))) for S, W in rows]
     law = (points.wheel, TorqueTraction(), SinkageAngles())
-    assert points.factor == pytest.approx([float(load_traction_factor(S, own, *law)) for S, own in carrying], rel=0.05)
+    assert points.factor == pytest.approx(
+        [float(load_traction_factor(S, load_contact, *law)) for S, load_contact in carrying], rel=0.05
+    )
 
 
 def cart_log(folder, ground="slope", seed=0, **settings):
@@ -107,28 +109,31 @@ def test_a_wheel_whose_arc_carries_its_load_tells_the_soil(tmp_path):
     """The law at the soil's theta_1, whatever the load, said k = 34 mm [27, 45], phi = 23 deg [20, 27], both found."""
     soil = cart_log(tmp_path)
     assert np.ptp(np.log(read_drive_points(tmp_path).load)) > 0.3
-    found = identify(tmp_path)
+    identification = identify(tmp_path)
     for name in ("k", "phi"):
-        assert holds(found[name].number, float(getattr(soil, name)))
+        assert holds(identification[name].number, float(getattr(soil, name)))
 
 
 def test_loads_that_statics_leave_open_mislead_nobody(tmp_path):
     """Wheel by wheel, hills under a rigid chassis said phi = 9.1 deg [6.5, 17.3], found; the truth is 30."""
     soil = cart_log(tmp_path, "hills")
-    found = identify(tmp_path)
+    identification = identify(tmp_path)
     for name in ("k", "phi"):
-        assert holds(found[name].number, float(getattr(soil, name)))
+        assert holds(identification[name].number, float(getattr(soil, name)))
 
 
 def test_unmeasured_modulus_is_uncertain_together_with_the_rest(tmp_path):
     """Held at twice the truth, k_1 halves k and takes 7 deg off phi, and the fit is good; left open, it says so."""
     truth = cart_log(tmp_path, **{"motor.resistance": 26.9})
-    held = identify(tmp_path, fixed={"k_1": 2.0 * float(truth.k_1)})
-    assert held["phi"].number.value < truth.phi - math.radians(4.0)
-    found = identify(tmp_path)
+    with_fixed_modulus = identify(tmp_path, fixed={"k_1": 2.0 * float(truth.k_1)})
+    assert with_fixed_modulus["phi"].number.value < truth.phi - math.radians(4.0)
+    with_free_modulus = identify(tmp_path)
     for name in ("k", "phi"):
-        assert holds(found[name].number, float(getattr(truth, name)))
-    width = [one["k"].number.high / one["k"].number.low for one in (held, found)]
+        assert holds(with_free_modulus[name].number, float(getattr(truth, name)))
+    width = [
+        identification["k"].number.high / identification["k"].number.low
+        for identification in (with_fixed_modulus, with_free_modulus)
+    ]
     assert width[1] > width[0]
 
 
@@ -136,11 +141,13 @@ def test_a_modulus_that_was_sized_is_not_said_to_be_declared(tmp_path):
     cart_log(tmp_path)
     path = tmp_path / "drive.toml"
     lines = path.read_text(encoding="utf-8").splitlines()
-    path.write_text("\n".join(one for one in lines if not one.startswith(("k_1 ", "k_2 "))), encoding="utf-8")
-    found = identify(tmp_path)
-    k_1 = found["k_1"].number
+    path.write_text(
+        "\n".join(toml_line for toml_line in lines if not toml_line.startswith(("k_1 ", "k_2 "))), encoding="utf-8"
+    )
+    identification = identify(tmp_path)
+    k_1 = identification["k_1"].number
     assert not k_1.declared
-    assert found["n"].number.declared
+    assert identification["n"].number.declared
     assert f"{own_soil(scenario('flat', rover='cart').model.rover).value.k_1:.3g}" in k_1.prior
 
 
@@ -159,8 +166,8 @@ def test_duty_and_rate_give_the_torque_without_a_logged_current(drive, trace, tm
 
 
 def test_speed_comes_from_the_map_and_the_slope_without_heights(drive, trace, tmp_path):
-    kept = {name: values for name, values in trace.channels.items() if name != "body_z"}
-    drive.write_log(dataclasses.replace(trace, channels=kept), tmp_path)
+    channels = {name: values for name, values in trace.channels.items() if name != "body_z"}
+    drive.write_log(dataclasses.replace(trace, channels=channels), tmp_path)
     points = read_drive_points(tmp_path)
     assert points.factor == pytest.approx([true_factor(S) for S in points.slip], abs=0.006)
 
@@ -175,7 +182,7 @@ def test_slips_that_scatter_by_more_than_a_class_are_refused(drive, trace, tmp_p
 
 def test_longer_windows_are_taken_where_the_slip_scatters(drive, trace, tmp_path):
     drive.write_log(measure(trace, Sensors(position_sd=0.006), seed=1), tmp_path)
-    two, four = (read_drive_points(tmp_path, Sampling(lengths=each)) for each in ((2.0,), (2.0, 4.0)))
+    two, four = (read_drive_points(tmp_path, Sampling(lengths=length)) for length in ((2.0,), (2.0, 4.0)))
     assert len(four.slip) != len(two.slip) or np.max(four.slip_sd) < np.max(two.slip_sd)
 
 
@@ -195,8 +202,8 @@ def test_the_line_through_noise_knows_its_doubt():
     fits = [line(t, t + random.standard_normal(40)) for _ in range(300)]
     assert np.std([fit.slope for fit in fits]) == pytest.approx(np.mean([fit.slope_sd for fit in fits]), rel=0.15)
     assert np.std([fit.middle for fit in fits]) == pytest.approx(np.mean([fit.sd for fit in fits]), rel=0.15)
-    held = [line(t, np.repeat(random.standard_normal(10), 4)) for _ in range(300)]
-    assert np.mean([fit.sd for fit in held]) > 1.5 * np.mean([fit.sd for fit in fits])
+    lines = [line(t, np.repeat(random.standard_normal(10), 4)) for _ in range(300)]
+    assert np.mean([fit.sd for fit in lines]) > 1.5 * np.mean([fit.sd for fit in fits])
 
 
 @pytest.mark.nightly
@@ -206,14 +213,14 @@ def test_intervals_of_sensor_logs_hold_nine_of_ten_truths(tmp_path):
         {"k": k, "phi": math.radians(phi)}
         for k, phi in ((0.0025, 31), (0.004, 29), (0.006, 33), (0.010, 30), (0.016, 28), (0.030, 32))
     ]
-    held = []
-    for soil, (truth, made) in enumerate(zip(truths, climb.climbs(truths, 5), strict=True)):
+    covered = []
+    for soil, (truth, channels) in enumerate(zip(truths, climb.climbs(truths, 5), strict=True)):
         for draw in range(16):
             folder = tmp_path / f"{soil}-{draw}"
-            climb.write_climb(folder, made, [2, soil, draw])
-            found = identify(folder)
-            held += [holds(found[name].number, truth[name]) for name in ("k", "phi")]
-    assert np.mean(held) >= 0.90
+            climb.write_climb(folder, channels, [2, soil, draw])
+            identification = identify(folder)
+            covered += [holds(identification[name].number, truth[name]) for name in ("k", "phi")]
+    assert np.mean(covered) >= 0.90
 
 
 def test_wheels_told_together_weigh_by_their_loads():

@@ -54,7 +54,7 @@ def test_units_of_the_toml_are_converted(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("25,1.0", ",1.0", r"1 \(nan\)"),
         ("25,1.0", "25,inf", r"drawbar_pull_N.*1 \(inf\)"),
@@ -74,14 +74,14 @@ def test_units_of_the_toml_are_converted(tmp_path):
         (POINTS, "slip,load_N,torque_Nm\n0.1,25,1\n", "torque.*.noise."),
     ],
 )
-def test_flaws_of_the_points(tmp_path, old, new, said):
+def test_flaws_of_the_points(tmp_path, old, new, message):
     assert old in POINTS
-    with pytest.raises(DataError, match=said):
+    with pytest.raises(DataError, match=message):
         read_rig_set(folder(tmp_path, points=POINTS.replace(old, new)))
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ('"wheel-rig"', '"drive-log"', "kind = 'drive-log'"),
         ('unit = "mm" }\nb', 'unit = "furlong" }\nb', "'furlong'"),
@@ -93,9 +93,9 @@ def test_flaws_of_the_points(tmp_path, old, new, said):
         ("[noise]", "[noise", "is not TOML"),
     ],
 )
-def test_flaws_of_the_toml(tmp_path, old, new, said):
+def test_flaws_of_the_toml(tmp_path, old, new, message):
     assert old in RIG
-    with pytest.raises(DataError, match=said):
+    with pytest.raises(DataError, match=message):
         read_rig_set(folder(tmp_path, rig=RIG.replace(old, new)))
 
 
@@ -108,7 +108,7 @@ def test_traction_points_are_read_and_scatter_falls_with_count(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("columns", "said"),
+    ("columns", "message"),
     [
         (([], [], 0.1), "least.*measured"),
         (([[0.1]], [0.1], 0.1), "slip.*data"),
@@ -118,8 +118,8 @@ def test_traction_points_are_read_and_scatter_falls_with_count(tmp_path):
         (([0.1, 0.2], [0.1, 0.2], -0.1), "sd.*positive"),
     ],
 )
-def test_flaws_of_traction_points(columns, said):
-    with pytest.raises(DataError, match=said):
+def test_flaws_of_traction_points(columns, message):
+    with pytest.raises(DataError, match=message):
         TractionPoints(*columns)
 
 

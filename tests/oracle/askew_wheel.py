@@ -43,9 +43,9 @@ class AskewWheel:
         left = np.array([0.0, 1.0, 0.0])
         force = patch * (sigma[:, None] * inward + (tau * j_x)[:, None] * forward + (tau * j_y)[:, None] * left)
         beside, where = self.beside(entry, h, (v, rim, aside), u)
-        whole = force.sum(axis=0) + beside.sum(axis=0)
-        whole[0] += patch * (sigma * np.sin(theta)).sum() / (1 + (5 * u / aside) ** 2) if aside else 0.0
-        return whole, np.cross(at, force).sum(axis=0) + np.cross(where, beside).sum(axis=0)
+        full = force.sum(axis=0) + beside.sum(axis=0)
+        full[0] += patch * (sigma * np.sin(theta)).sum() / (1 + (5 * u / aside) ** 2) if aside else 0.0
+        return full, np.cross(at, force).sum(axis=0) + np.cross(where, beside).sum(axis=0)
 
     def beside(self, entry, h, speeds, u):
         """Forces on strips of the buried disc, and where they act: passive pressure of walls of their depth.
@@ -71,10 +71,10 @@ class AskewWheel:
         push = np.sign(aside) * built * most
         force = np.column_stack([0 * push, push, 0 * push])
         where = np.column_stack([self.r * np.sin(theta), 0 * theta, depth / 2 - self.r * np.cos(theta)])
-        arm, rest = self.r - 0.43 * h, 0.001 * 0.02 / np.hypot(0.02, rim)  # speeds over 0.05 m/s
+        arm, rate_share = self.r - 0.43 * h, 0.001 * 0.02 / np.hypot(0.02, rim)  # speeds over 0.05 m/s
         slides = v - rim * arm / self.r
         size = np.tan(self.phi) * most.sum() * (np.hypot(built, 0.05) - 0.05)
-        rubs = -size * slides / np.sqrt(slides**2 + aside**2 + (rest / 0.05) ** 2)
+        rubs = -size * slides / np.sqrt(slides**2 + aside**2 + (rate_share / 0.05) ** 2)
         return np.vstack([force, [rubs, 0.0, 0.0]]), np.vstack([where, [0.0, 0.0, -arm]])
 
     def run(self, W, S, angle):

@@ -28,7 +28,7 @@ def tracks(seed=7):
     """Return four of a campaign's runs (lanes, border, start, duty, steer), all but those on the flat."""
     random = np.random.default_rng(seed)
     heights = campaign.bed(random)
-    found = []
+    lane_list = []
     for _, _, lane, yaw, duty, steer in campaign.drives(random)[2:]:
         pair = heights[[1, 1]] if lane == campaign.RAMP else heights[[2, 3]]
         rough = campaign.relief(random)
@@ -36,22 +36,22 @@ def tracks(seed=7):
             (campaign.FINE, np.interp(campaign.FINE, campaign.X, z) + r) for z, r in zip(pair, rough, strict=True)
         )
         x = -0.5 if yaw == 0.0 else 0.5
-        found.append((lanes, (lane,), (x, lane, yaw), duty, steer))
-    return found
+        lane_list.append((lanes, (lane,), (x, lane, yaw), duty, steer))
+    return lane_list
 
 
 def both(models, runs, duration, timing=Timing(), of=vehicle.NEXUS6):
     """Return (the generator's channels, the package's trace) of each run and the model that says the same of it."""
     theirs, rests = [], []
     for model, run in zip(models, runs, strict=True):
-        rest = settled_state(model, Start(*run.start))
+        state = settled_state(model, Start(*run.start))
 
         def command(reading, run=run):
             at = round(reading.t / 0.05)
             return Command(run.duty[at], run.steer[at]) if of.steered else Command(run.duty[at])
 
-        theirs.append(simulate(model, command, duration, rest.copy(), timing))
-        rests.append((model, rest))
+        theirs.append(simulate(model, command, duration, state.copy(), timing))
+        rests.append((model, state))
     mine = drive.drive(runs, duration, start=states(rover.Rovers(runs, of), rests), vehicle=of)
     mine["body_yaw"] = np.unwrap(mine["body_yaw"], axis=1)
     return [({name: values[i] for name, values in mine.items()}, trace) for i, trace in enumerate(theirs)]
@@ -60,15 +60,15 @@ def both(models, runs, duration, timing=Timing(), of=vehicle.NEXUS6):
 def states(rovers, rests):
     """Return the package's states as one of the batch."""
     columns, count = [], rovers.count
-    for model, rest in rests:
+    for model, state in rests:
         joints = [model.rover.model.joints[model.rover.model.getJointId(name)] for name in rovers.tree.names]
         angles = [
-            rest.q[at.idx_q] if at.nq == 1 else np.arctan2(rest.q[at.idx_q + 1], rest.q[at.idx_q]) for at in joints
+            state.q[at.idx_q] if at.nq == 1 else np.arctan2(state.q[at.idx_q + 1], state.q[at.idx_q]) for at in joints
         ]
-        x, y, z, w = rest.q[3:7]
-        dug = rest.contact[:, 2] if rest.contact.shape[1] > 2 else np.zeros(count)
-        fast = [np.zeros(rovers.size), rest.contact[:, 0], rest.contact[:, 1], dug, np.zeros(2 * count + 1)]
-        columns.append((rest.q[:3], [w, x, y, z], angles, np.concatenate(fast)))
+        x, y, z, w = state.q[3:7]
+        dug = state.contact[:, 2] if state.contact.shape[1] > 2 else np.zeros(count)
+        fast = [np.zeros(rovers.size), state.contact[:, 0], state.contact[:, 1], dug, np.zeros(2 * count + 1)]
+        columns.append((state.q[:3], [w, x, y, z], angles, np.concatenate(fast)))
     return drive.State(*(np.array(part, dtype=float).T for part in zip(*columns, strict=True)))
 
 

@@ -29,8 +29,8 @@ def write(folder, seed, viscous=0.0, square=0.0, dead=0.0, resistance=1.03, runs
                 current = (max(duty - dead, 0.0) * V - K * rate) / (resistance * R)
                 slow = K * current - viscous * rate - square * rate * abs(rate) > load
                 low, high = (rate, high) if slow else (low, rate)
-            seen = np.array([rate, current]) + np.array(SD) * random.normal(size=2)
-            rows.append(f"at {duty:.2f},{duty},{load},{seen[0]},{seen[1]},{SD[0]},{SD[1]}")
+            observed = np.array([rate, current]) + np.array(SD) * random.normal(size=2)
+            rows.append(f"at {duty:.2f},{duty},{load},{observed[0]},{observed[1]},{SD[0]},{SD[1]}")
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "points.csv").write_text("\n".join(rows) + "\n")
     (folder / "motor.toml").write_text(MOTOR)

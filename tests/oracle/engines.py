@@ -136,8 +136,8 @@ def constrained(H: np.ndarray, force: np.ndarray, left: int, right: int) -> tupl
     G = np.zeros(len(H))
     G[[left, right]] = 1.0
     saddle = np.block([[H, -G[:, None]], [G[None, :], np.zeros((1, 1))]])
-    found = np.linalg.solve(saddle, np.append(force, 0.0))
-    return np.linalg.solve(H, force), found[:-1], float(found[-1])
+    solution = np.linalg.solve(saddle, np.append(force, 0.0))
+    return np.linalg.solve(H, force), solution[:-1], float(solution[-1])
 
 
 def by_mujoco(text: str, states: States) -> dict[str, np.ndarray]:
@@ -249,8 +249,8 @@ def main() -> None:
 
     text = NEXUS6.read_text()
     states = random_states(text, 100, seed=2002)
-    found = by_mujoco(text, states)
-    keep = {key: found[key] for key in ("free", "constrained", "torque", "mass")}
+    accelerations = by_mujoco(text, states)
+    keep = {key: accelerations[key] for key in ("free", "constrained", "torque", "mass")}
     try:
         drake = by_drake(text, states)
     except ImportError:
@@ -258,7 +258,7 @@ def main() -> None:
     else:
         keep.update({f"drake_{key}": drake[key] for key in ("free", "constrained", "torque")})
         for key in ("free", "constrained"):
-            off = np.abs(drake[key] - found[key]).max(1) / np.abs(found[key]).max(1)
+            off = np.abs(drake[key] - accelerations[key]).max(1) / np.abs(accelerations[key]).max(1)
             print(f"Drake against MuJoCo, {key}: {off.max():.1e}")
     np.savez_compressed(FILE, **states._asdict(), **keep, urdf=text, made_by=f"mujoco {mujoco.__version__}")
 

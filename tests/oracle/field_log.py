@@ -105,19 +105,19 @@ def ground(start=2.0):
 
 def run(urdf, wheels, start, seconds, seed, drag=(0.0, 0.0), sides=0.0):
     """Return the true channels of one drive at duties held for 3 s; `sides` lets left and right differ."""
-    made = Dragged(
+    dragged = Dragged(
         physics.World(
             str(urdf), MOTOR, physics.Ground([ground()]), SOIL, r=R, b=B, wheels=wheels, steered=(), own_arc=True,
             resistance=0.05, relaxation=0.1, stop=(500.0, 10.0),
         )
     )  # fmt: skip
-    y = rest.rest(made, *start)
-    made.drag, made.begin = drag, np.array(start[:2])
+    y = rest.rest(dragged, *start)
+    dragged.drag, dragged.begin = drag, np.array(start[:2])
     random = np.random.default_rng(seed)
-    held = random.uniform(0.4, 0.9, 40)[:, None] + sides * random.uniform(-0.5, 0.5, 40)[:, None] * np.array(
+    duties = random.uniform(0.4, 0.9, 40)[:, None] + sides * random.uniform(-0.5, 0.5, 40)[:, None] * np.array(
         [1.0 if name.endswith("l") else -1.0 for name in wheels]
     )
-    return drive.drive(made, y, lambda t: (held[int(t / 3.0)], np.zeros(0)), seconds, STEP)
+    return drive.drive(dragged, y, lambda t: (duties[int(t / 3.0)], np.zeros(0)), seconds, STEP)
 
 
 def recorded(true, begin, random, odometry=False):
@@ -126,18 +126,18 @@ def recorded(true, begin, random, odometry=False):
     count = len(true["t_s"][rows])
     walk = np.cumsum(random.normal(0.0, DRIFT, (3, count)), axis=1)
     noise = {name: random.normal(0.0, sd, count) for name, sd in NOISE.items() if name != "rate"}
-    made = {"time": true["t_s"][rows] + begin}
+    channels = {"time": true["t_s"][rows] + begin}
     place = true["place"][rows].T
     for at, name in enumerate("xyz"):
-        made[name] = place[at] + noise[name] + walk[at]
+        channels[name] = place[at] + noise[name] + walk[at]
     for name in ("roll", "pitch"):
-        made[name] = true[name][rows] + noise[name]
-    made["yaw"] = np.unwrap(true["yaw"])[rows] + noise["yaw"]
+        channels[name] = true[name][rows] + noise[name]
+    channels["yaw"] = np.unwrap(true["yaw"])[rows] + noise["yaw"]
     rates = true["wheel_rate"][rows] + random.normal(0.0, NOISE["rate"], (count, true["wheel_rate"].shape[1]))
     if odometry:
         way = np.cumsum(0.1 * R * rates.mean(axis=1))
-        made["x"], made["y"] = way * math.cos(made["yaw"][0]), way * math.sin(made["yaw"][0])
-    return made, rates
+        channels["x"], channels["y"] = way * math.cos(channels["yaw"][0]), way * math.sin(channels["yaw"][0])
+    return channels, rates
 
 
 def write(folder, rover=bogies, runs=4, seconds=40.0, seed=1, odometry=False, **hidden):
@@ -148,10 +148,10 @@ def write(folder, rover=bogies, runs=4, seconds=40.0, seed=1, odometry=False, **
     for at in range(runs):
         start = (-3.0, 0.0, 0.0) if at % 2 == 0 else (5.0, 0.4 * at, math.pi)
         true = run(folder / "rover.urdf", wheels, start, seconds, 100 * seed + at, **hidden)
-        made, rates = recorded(true, begin, random, odometry)
-        tables.append(np.column_stack([*made.values(), rates]))
+        columns, rates = recorded(true, begin, random, odometry)
+        tables.append(np.column_stack([*columns.values(), rates]))
         begin += seconds + 20.0
-    names = [*made, *(f"wheel_speed_{name}" for name in wheels)]
+    names = [*columns, *(f"wheel_speed_{name}" for name in wheels)]
     path = folder / "recording.csv"
     np.savetxt(path, np.vstack(tables), fmt="%.7g", delimiter=",", header=",".join(names), comments="")
     return folder / "rover.urdf", path

@@ -111,8 +111,8 @@ class PlainBelief:
         """Set up the filter. `ground` is a function of posture, its rates and torques that returns the rows of ROWS."""
         self.r, self.F, self.kappa, self.ground = np.array(radii), np.array(factors), torque_per_current, ground
         self.lag, self.odometry_sd = lag, odometry_sd
-        chance, n = Chance.of_sample(-1), len(self.r)
-        begin = chance.many(PARTICLES, 2)
+        chance_source, n = Chance.of_sample(-1), len(self.r)
+        begin = chance_source.many(PARTICLES, 2)
         self.share, self.stalled = 1.1 * begin[:, 0], begin[:, 1] < 0.1
         self.log_weight, self.way = np.zeros(PARTICLES), np.zeros(PARTICLES)
         self.slip, self.hole = np.zeros((n, PARTICLES)), np.zeros((n, PARTICLES))
@@ -155,10 +155,10 @@ class PlainBelief:
 
     def _move(self, backwards):
         self.pace = float(np.median(self.rim))
-        usual, falls = max(abs(self.pace), 0.002), (0.1 + 1.0 * min(self.wall, 1.0)) * DT
+        usual_rate, falls = max(abs(self.pace), 0.002), (0.1 + 1.0 * min(self.wall, 1.0)) * DT
         pairs = self.chance.many(PARTICLES // 2, 2)
-        far, turn = np.sqrt(-2.0 * np.log(1.0 - pairs[:, 0])), 2.0 * math.pi * pairs[:, 1]
-        normal = np.array([far * np.cos(turn), far * np.sin(turn)]).T.ravel()
+        radius, turn = np.sqrt(-2.0 * np.log(1.0 - pairs[:, 0])), 2.0 * math.pi * pairs[:, 1]
+        normal = np.array([radius * np.cos(turn), radius * np.sin(turn)]).T.ravel()
         d = self.chance.many(PARTICLES, 4).T
         share, stalled = self.share, self.stalled
         if backwards != self.backwards:
@@ -169,7 +169,7 @@ class PlainBelief:
         share = np.where(~stalled & (d[3] < 0.02 * DT), -0.2 + 1.4 * d[1], share)
         self.share = np.where(stalled, 0.03 * normal, np.clip(share, -0.4, 1.4))
         self.stalled, self.backwards = stalled, backwards
-        self.travel = (-usual if backwards else usual) * self.share
+        self.travel = (-usual_rate if backwards else usual_rate) * self.share
         self.way = self.way + DT * self.travel
         self.rolled += DT * max(self.pace, 0.0)
 
@@ -305,11 +305,11 @@ class PlainMonitor:
         if self.samples < 10:
             return
         net = np.array([self._net(b, b.told[:, 0], self.holes[:, r]) for r in range(len(RATES))])
-        seen = np.log(np.exp(-0.5 * net**2 / (0.03**2 + b.bend**2 + b.wall**2)) + 0.05)
+        log = np.log(np.exp(-0.5 * net**2 / (0.03**2 + b.bend**2 + b.wall**2)) + 0.05)
         moving = min(max(b.speed / max(b.pace, 0.002), 0.0), 1.0)
         for evidence, dt in ((self.evidence, DT), (self.by_way, moving * DT)):
             evidence *= 1.0 - dt / 25.0
-            evidence += seen * dt / 0.5
+            evidence += log * dt / 0.5
 
     def rates(self, evidence):
         odds = PRIOR * np.exp(evidence - evidence.max())
@@ -329,10 +329,10 @@ class PlainMonitor:
         shares, diggers = self.rates(self.by_way), rate > 0
         self.p_buried = 0.0
         for at, share in enumerate(shares):
-            own = rate == at
-            if not own.any():
-                own = diggers if at else own
-            self.p_buried += share * under[own].mean() if own.any() else 0.0
+            is_here = rate == at
+            if not is_here.any():
+                is_here = diggers if at else is_here
+            self.p_buried += share * under[is_here].mean() if is_here.any() else 0.0
         if self.p_stuck >= 0.2:
             grip = min(firm.sum(), free.sum())
             self.causes = np.array([grip, free.sum() - grip, stuck.sum() - free.sum()]) / DRAWS
@@ -341,14 +341,14 @@ class PlainMonitor:
         """Draw particles and rates of digging in proportion to their weights, the rates in shuffled order."""
         offset, order = self.chance.next(), list(range(DRAWS))
         for k in range(DRAWS - 1, 0, -1):
-            other = int(self.chance.next() * (k + 1))
-            order[k], order[other] = order[other], order[k]
+            second = int(self.chance.next() * (k + 1))
+            order[k], order[second] = order[second], order[k]
         rates, draws = self.rates(self.evidence), []
         for k in range(DRAWS):
             particle = int(np.searchsorted(np.cumsum(b.weight), (k + offset) / DRAWS * b.weight.sum()))
             rate = int(np.searchsorted(np.cumsum(rates), (order[k] + offset) / DRAWS * rates.sum()))
-            far, turn = self.chance.next(), self.chance.next()
-            steeper = 0.01 * math.sqrt(-2.0 * math.log(1.0 - far)) * math.cos(2.0 * math.pi * turn)
+            distant, turn = self.chance.next(), self.chance.next()
+            steeper = 0.01 * math.sqrt(-2.0 * math.log(1.0 - distant)) * math.cos(2.0 * math.pi * turn)
             slips, holes = b.slip[:, particle], self.holes[:, rate]
             excess = self._net(b, slips, holes)
             stalled = bool(b.stalled[particle]) or bool(b.no_progress)

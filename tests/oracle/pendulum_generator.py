@@ -75,11 +75,11 @@ def slopes(state, u, numbers, law):
 def simulated(u, numbers, law):
     """Angle of the arm, rate of the shaft and current (3, samples, runs), from rest."""
     state, rows = np.zeros((4, RUNS)), []
-    for held in u:
-        rows.append([state[2], state[1], (held - numbers["K"] * state[1]) / numbers["R"]])
+    for voltage in u:
+        rows.append([state[2], state[1], (voltage - numbers["K"] * state[1]) / numbers["R"]])
         for _ in range(round(SAMPLE / STEP)):
-            first = slopes(state, held, numbers, law)
-            state = state + STEP / 2 * (first + slopes(state + STEP * first, held, numbers, law))
+            first = slopes(state, voltage, numbers, law)
+            state = state + STEP / 2 * (first + slopes(state + STEP * first, voltage, numbers, law))
     return np.array(rows).transpose(1, 0, 2)
 
 
@@ -105,9 +105,9 @@ def write(folder, law="none", seed=0, noisy=True, length=LENGTH, true=False):
         )
     rows, sd = [HEADER], f"{ENCODER / np.sqrt(12):.6f},{RATE_SD},{CURRENT_SD}"
     for run in range(RUNS):
-        for k, held in enumerate(u[:, run]):
-            seen = f"{angle[k, run]:.6f},{rate[k, run]:.6f},{current[k, run]:.6f}"
-            rows.append(f"run {run},{k * SAMPLE:.3f},{held:.6f},{seen},{sd}")
+        for k, voltage in enumerate(u[:, run]):
+            observed = f"{angle[k, run]:.6f},{rate[k, run]:.6f},{current[k, run]:.6f}"
+            rows.append(f"run {run},{k * SAMPLE:.3f},{voltage:.6f},{observed},{sd}")
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "runs.csv").write_text("\n".join(rows) + "\n")
     tables = []

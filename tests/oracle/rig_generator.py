@@ -251,12 +251,12 @@ def rig_set(rig, loads=(15.0, 25.0, 40.0), slips=SLIPS, repeats=2, seed=0, speed
     for level, S in enumerate(slips):
         stiffer = np.exp(0.04 * raked.normal()) if noise == "raked" else 1.0
         for W in loads:
-            known = {}
+            solved = {}
             for repeat in range(repeats):
                 v, day = speeds[repeat % len(speeds)], repeat % 2 if "second_day" in rig.sizes else 0
-                if (v, day) not in known:
-                    known[v, day] = rig.run(W, S, v, day, stiffer)
-                f_t, torque, h, rim = known[v, day]
+                if (v, day) not in solved:
+                    solved[v, day] = rig.run(W, S, v, day, stiffer)
+                f_t, torque, h, rim = solved[v, day]
                 white.append(rng.normal(size=3))
                 rows.append([level, S, v, rim, W, f_t, torque, h])
     rows, white = np.array(rows), np.array(white)
@@ -291,8 +291,8 @@ def write(folder, rig, columns, nominal=None):
     """Write rig.toml and points.csv; `nominal` is the soil as the experimenter believes it."""
     folder.mkdir(parents=True, exist_ok=True)
     soil = rig.soil | (nominal or {})
-    stated = {name: soil[name] for name in ("n", "c", "phi", "k")}
-    (folder / "rig.toml").write_text(RIG_TOML.format(r=rig.r, b=rig.b, sd=SD, **stated))
+    declared_soil = {name: soil[name] for name in ("n", "c", "phi", "k")}
+    (folder / "rig.toml").write_text(RIG_TOML.format(r=rig.r, b=rig.b, sd=SD, **declared_soil))
     rows = zip(*columns.values(), strict=True)
     text = [",".join(columns), *(",".join(f"{value:.8g}" for value in row) for row in rows)]
     (folder / "points.csv").write_text("\n".join(text) + "\n")

@@ -70,10 +70,10 @@ def pull(S, load, ground, R, digs=0.0):
 
 def slip(slope, ground, R, digs=0.0):
     front, rear = loads(slope, 0.0)
-    asked = MASS * G * math.sin(slope)
+    wanted_pull = MASS * G * math.sin(slope)
 
     def left(S):
-        return 2 * (pull(S, front, ground, R, digs) + pull(S, rear, ground, R, digs)) - asked
+        return 2 * (pull(S, front, ground, R, digs) + pull(S, rear, ground, R, digs)) - wanted_pull
 
     return bisected(left, -0.4, 0.97)
 

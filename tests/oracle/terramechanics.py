@@ -124,8 +124,10 @@ def panel_forces(S, theta_1, theta_2, r, b, c, phi, k, K, n, theta_m=None, panel
     Numbers or arrays (N,); with theta_m Wong and Reece's stress, which peaks there. To 1e-10 of a force, or of 2 % of
     r b int (|sigma| + |tau|): in corners of n 0.3 to 1.6, theta_1 2 to 70 deg, theta_2 -theta_1 to 0, k 1 to 100 mm.
     """
-    given = (S, theta_1, theta_2, r, b, c, phi, k, K, n, theta_2 if theta_m is None else theta_m)
-    S, theta_1, theta_2, r, b, c, phi, k, K, n, theta_m = (np.asarray(each, dtype=float)[..., None] for each in given)
+    arguments = (S, theta_1, theta_2, r, b, c, phi, k, K, n, theta_2 if theta_m is None else theta_m)
+    S, theta_1, theta_2, r, b, c, phi, k, K, n, theta_m = (
+        np.asarray(argument, dtype=float)[..., None] for argument in arguments
+    )
     x, w = np.polynomial.legendre.leggauss(4)
     u = ((np.arange(panels)[:, None] + (x + 1) / 2) / panels).ravel()
     arc = (theta_1 - theta_2) * u**4 * (35 + u * (-84 + u * (70 - 20 * u)))
@@ -150,13 +152,13 @@ def full_shear_closed_form(theta_1, theta_2, phi, n):
     def primitive(theta):
         s, c2 = mp.sin(theta), mp.sin(2 * theta)
         if n == 1:
-            whole = s - C * theta
+            full = s - C * theta
             cos = theta / 2 + c2 / 4 - C * s
         else:
-            whole = theta / 2 + c2 / 4 - 2 * C * s + C**2 * theta
+            full = theta / 2 + c2 / 4 - 2 * C * s + C**2 * theta
             cos = s - s**3 / 3 - 2 * C * (theta / 2 + c2 / 4) + C**2 * s
         sin = -((mp.cos(theta) - C) ** (n + 1)) / (n + 1)
-        return whole, cos, sin
+        return full, cos, sin
 
-    whole, cos, sin = (a - b for a, b in zip(primitive(mp.mpf(theta_1)), primitive(mp.mpf(theta_2)), strict=True))
-    return cos + t * sin, t * cos, t * whole
+    full, cos, sin = (a - b for a, b in zip(primitive(mp.mpf(theta_1)), primitive(mp.mpf(theta_2)), strict=True))
+    return cos + t * sin, t * cos, t * full

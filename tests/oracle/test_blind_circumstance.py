@@ -35,7 +35,7 @@ def test_a_tracker_drifts_slowly_and_from_where_it_starts():
     read = [circumstance.read("drift", true, np.random.default_rng(seed)) for seed in range(60)]
     assert set(true) == set(read[0])
     for name, values in true.items():
-        wander = np.array([one[name] - values for one in read])
+        wander = np.array([run[name] - values for run in read])
         assert (name in circumstance.DRIFT) == bool(wander.any())
         if name in circumstance.DRIFT:
             assert not wander[:, 0].any()
@@ -72,8 +72,8 @@ def test_a_log_declares_its_gravity_and_its_encoders(tmp_path):
     assert coarse.metadata.gravity == pytest.approx(9.81)
     declared = tomllib.loads((coarse.folder / "drive.toml").read_text())["noise"]
     assert declared["wheel_rate"]["value"] == circumstance.noise("coarse")["wheel_rate"]
-    told = sealed.opened(tmp_path / "sets", tmp_path / "answers.json")["sets"]
-    assert [one["under"] for one in told] == ["moon", "coarse"]
+    answers = sealed.opened(tmp_path / "sets", tmp_path / "answers.json")["sets"]
+    assert [answer["under"] for answer in answers] == ["moon", "coarse"]
 
 
 def test_patchy_log_has_unannounced_gaps_and_single_wrong_poses():

@@ -56,8 +56,8 @@ def numbers_of(name):
     """Return an effect's numbers at SEVERITY."""
     if name == "none":
         return {}
-    found = hidden.ALL[name](np.random.default_rng(3), SEVERITY)
-    return found | {"x_from": -0.4, "length": 0.3} if name == "HardPatch" else found
+    drawn = hidden.ALL[name](np.random.default_rng(3), SEVERITY)
+    return drawn | {"x_from": -0.4, "length": 0.3} if name == "HardPatch" else drawn
 
 
 def with_effect(name, resistance):
@@ -78,7 +78,7 @@ def both(cases, duration, timing=Timing(), gravity=9.81, resistance=RESISTANCE):
     """Drive (effect name, track) cases here and there."""
     models, runs = [], []
     for name, (lanes, borders, start, duty, steer) in cases:
-        ground = Lanes(tuple(Profile(*each) for each in lanes), borders)
+        ground = Lanes(tuple(Profile(*lane) for lane in lanes), borders)
         models.append(with_effect(name, resistance).replace(terrain=ground, gravity=gravity))
         numbers = {"R": resistance, "gravity": gravity, "rest": 0.001, "rest_q": 1.0} | {
             f"{name}.{key}": value for key, value in numbers_of(name).items()
@@ -92,7 +92,7 @@ def test_it_imports_nothing_of_the_package():
     assert len(files) > 10
     for file in files:
         for node in ast.walk(ast.parse(file.read_text())):
-            names = [each.name for each in node.names] if isinstance(node, ast.Import) else []
+            names = [name.name for name in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             allowed = {*sys.stdlib_module_names, "numpy", "scipy", "blind", ""}
             assert all(name.split(".")[0] in allowed or node.level for name in names)
@@ -160,7 +160,7 @@ def test_every_listed_effect_is_one_of_the_package():
 
 
 def test_effects_nobody_lists_are_none_of_the_package():
-    listed = {each.__name__ for base in (Effect, MotorEffect, BodyEffect) for each in base.__subclasses__()}
+    listed = {subclass.__name__ for base in (Effect, MotorEffect, BodyEffect) for subclass in base.__subclasses__()}
     assert not listed & set(hidden.OFF_LIST)
 
 
@@ -195,14 +195,16 @@ def test_noise_and_steps_are_those_that_are_stated():
 
 def test_a_plan_has_the_shares_and_every_effect():
     sets = sealed.plan(1, 100)
-    kinds = [each["kind"] for each in sets]
+    kinds = [data_set["kind"] for data_set in sets]
     assert {kind: kinds.count(kind) for kind in kinds} == {
         "single": 40, "pair": 8, "none": 20, "off-list": 15, "sensor": 5, "other-law": 12,
     }  # fmt: skip
-    named = {one["effect"] for each in sets for one in each["hidden"]}
+    named = {cause["effect"] for data_set in sets for cause in data_set["hidden"]}
     assert named >= set(hidden.LISTED) | set(hidden.OFF_LIST) | set(hidden.SENSOR) | set(hidden.OTHER_LAWS)
-    assert all(1.0 <= one["severity"] <= 10.0 for each in sets for one in each["hidden"])
-    assert all(len({one["effect"] for one in each["hidden"]}) == 2 for each in sets if each["kind"] == "pair")
+    assert all(1.0 <= cause["severity"] <= 10.0 for data_set in sets for cause in data_set["hidden"])
+    assert all(
+        len({cause["effect"] for cause in data_set["hidden"]}) == 2 for data_set in sets if data_set["kind"] == "pair"
+    )
     assert sets == sealed.plan(1, 100) != sealed.plan(2, 100)
 
 
@@ -210,8 +212,8 @@ def test_what_a_log_declares_is_honest():
     """Truth minus declared, in declared SDs, has mean 0 and SD 1, less what is cut off the tails."""
     off = []
     for index in range(150):
-        made = campaign.nuisance(np.random.default_rng([3, index]), index % 2 == 0)
-        soil, true = made[2]["soil"], made[0]
+        nuisance = campaign.nuisance(np.random.default_rng([3, index]), index % 2 == 0)
+        soil, true = nuisance[2]["soil"], nuisance[0]
         off.append(
             [
                 (np.degrees(true["phi"]) - soil["phi"]["value"]) / soil["phi"]["sd"],
@@ -224,7 +226,7 @@ def test_what_a_log_declares_is_honest():
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def generated(tmp_path_factory):
     """Three sets of half a second: an effect, a soft differential, a bent ground."""
     folder = tmp_path_factory.mktemp("blind")
     sets = [
@@ -236,8 +238,8 @@ def made(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_sets_are_drive_logs(made):
-    folder, _ = made
+def test_sets_are_drive_logs(generated):
+    folder, _ = generated
     for index, electric in ((1, False), (3, False)):
         log = read_drive_log(folder / "sets" / f"set_{index:04d}")
         assert len(log.runs) == 6
@@ -250,8 +252,8 @@ def test_sets_are_drive_logs(made):
 
 
 @pytest.mark.slow
-def test_nothing_in_the_sets_tells_the_answer(made):
-    folder, _ = made
+def test_nothing_in_the_sets_tells_the_answer(generated):
+    folder, _ = generated
     for file in (folder / "sets").rglob("*"):
         text = file.read_text() if file.is_file() else ""
         assert not any(name in text for name in hidden.ALL)
@@ -260,12 +262,12 @@ def test_nothing_in_the_sets_tells_the_answer(made):
 
 
 @pytest.mark.slow
-def test_answers_are_sealed(made):
-    folder, sets = made
+def test_answers_are_sealed(generated):
+    folder, sets = generated
     digest = (folder / "sets" / "answers.sha256").read_text().split()[0]
     assert hashlib.sha256((folder / "answers.json").read_bytes()).hexdigest() == digest
-    told = sealed.opened(folder / "sets", folder / "answers.json")["sets"]
-    assert [one["hidden"] for one in told] == [each["hidden"] for each in sets[::2]]
+    answer_list = sealed.opened(folder / "sets", folder / "answers.json")["sets"]
+    assert [answer["hidden"] for answer in answer_list] == [data_set["hidden"] for data_set in sets[::2]]
     changed = [{**sets[0], "hidden": []}, sets[2]]
     with pytest.raises(SystemExit, match=r"sealed.*answers"):
         sealed.generate(folder / "sets", changed, 4, folder / "answers.json", duration=0.5)
@@ -274,11 +276,11 @@ def test_answers_are_sealed(made):
 
 
 @pytest.mark.slow
-def test_a_set_is_made_again_as_it_was(made, tmp_path):
-    folder, sets = made
-    kept = {file: file.stat().st_mtime_ns for file in (folder / "sets").rglob("*.csv")}
+def test_a_set_is_made_again_as_it_was(generated, tmp_path):
+    folder, sets = generated
+    files = {file: file.stat().st_mtime_ns for file in (folder / "sets").rglob("*.csv")}
     sealed.generate(folder / "sets", sets[::2], 4, folder / "answers.json", duration=0.5)
-    assert kept == {file: file.stat().st_mtime_ns for file in (folder / "sets").rglob("*.csv")}
+    assert files == {file: file.stat().st_mtime_ns for file in (folder / "sets").rglob("*.csv")}
     sealed.generate(tmp_path / "sets", sets[:1], 4, tmp_path / "answers.json", duration=0.5)
     for file in (tmp_path / "sets" / "set_0001").iterdir():
         assert file.read_bytes() == (folder / "sets" / "set_0001" / file.name).read_bytes()

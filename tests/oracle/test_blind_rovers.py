@@ -80,9 +80,9 @@ def flat_run(of, R, rows=161):
 @pytest.mark.parametrize("name", OTHERS)
 def test_it_is_built_as_it_says(logs, name):
     root = ElementTree.parse(logs[name] / f"{name}.urdf").getroot()
-    built, told = BUILT[name], tomllib.loads((logs[name] / f"{name}.toml").read_text())
-    assert sum(float(each.get("value")) for each in root.iter("mass")) == pytest.approx(built["mass"])
-    assert {key: told["wheel"][key]["value"] for key in "rb"} == pytest.approx({key: built[key] for key in "rb"})
+    built, declared = BUILT[name], tomllib.loads((logs[name] / f"{name}.toml").read_text())
+    assert sum(float(element.get("value")) for element in root.iter("mass")) == pytest.approx(built["mass"])
+    assert {key: declared["wheel"][key]["value"] for key in "rb"} == pytest.approx({key: built[key] for key in "rb"})
     theirs = read_drive_log(logs[name]).load_rover()
     assert theirs.mass == pytest.approx(built["mass"])
     assert [mount.name for mount in theirs.wheels] == list(vehicle.KNOWN[name].wheels)
@@ -114,8 +114,8 @@ def test_at_rest_the_ground_carries_its_weight(name):
 def test_on_the_flat_its_motors_give_what_the_resistance_takes(name):
     """v = (1 - S) r omega, the torques of all wheels over r are R m g; near 0.05 m/s, S = 0.05."""
     of, built = vehicle.KNOWN[name], BUILT[name]
-    found = drive.drive([flat_run(of, R)], 8.0, vehicle=of)
-    last = {key: values[0, -60:] for key, values in found.items()}
+    trace = drive.drive([flat_run(of, R)], 8.0, vehicle=of)
+    last = {key: values[0, -60:] for key, values in trace.items()}
     rim = np.array([built["r"] * last[f"wheel_rate_{wheel}"] for wheel in of.wheels])
     slip = np.array([last[f"slip_{wheel}"] for wheel in of.wheels])
     assert last["body_vx"] == pytest.approx(((1.0 - slip) * rim).mean(axis=0), rel=5e-3)
@@ -135,13 +135,15 @@ def driven(logs, name, effect, values, duration, tracks):
     base = base_model(read_drive_log(logs[name]))
     base = base.having(base.effect(MotionResistance).replace(q=0.0))  # as the generator's fades, which no log tells
     soil = base.soils[0]
-    told = {"R": float(base.effect(MotionResistance).R), "phi": soil.phi, "k": soil.k, "k_1": soil.k_1}
+    soil_numbers = {"R": float(base.effect(MotionResistance).R), "phi": soil.phi, "k": soil.k, "k_1": soil.k_1}
     for lanes, borders, start, *commands in tracks:
-        model = base.replace(terrain=Lanes(tuple(Profile(*each) for each in lanes), borders))
+        model = base.replace(terrain=Lanes(tuple(Profile(*lane) for lane in lanes), borders))
         models.append(model if effect is None else model.having(effect(**{**effect.neutral, **values})))
         numbers = {} if effect is None else {f"{effect.__name__}.{key}": value for key, value in values.items()}
         gains = (1.0,) * len(of.wheels)
-        runs.append(world.Run(nominal(of) | told | numbers, lanes, borders, start, *of.commands(*commands), gains))
+        runs.append(
+            world.Run(nominal(of) | soil_numbers | numbers, lanes, borders, start, *of.commands(*commands), gains)
+        )
     return pair.both(models, runs, duration, of=of), of
 
 
@@ -153,8 +155,8 @@ def limits(of):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
 def test_it_drives_as_the_package_does(logs, name):
-    found, of = driven(logs, name, None, {}, 1.5, pair.tracks()[1:3])
-    for mine, theirs in found:
+    ours, of = driven(logs, name, None, {}, 1.5, pair.tracks()[1:3])
+    for mine, theirs in ours:
         pair.assert_alike(mine, theirs, limits(of), of)
 
 
@@ -177,8 +179,8 @@ def test_it_drives_as_the_package_does_for_long(logs, name, effect):
     kind = "none" if effect is None else effect.__name__
     drawn = {} if effect is None else hidden.ALL[kind](np.random.default_rng(3), 4.0)
     values = vehicle.KNOWN[name].sized(kind, drawn)
-    found, of = driven(logs, name, effect, values, 14.0, pair.tracks()[1:3])
-    for mine, theirs in found:
+    ours, of = driven(logs, name, effect, values, 14.0, pair.tracks()[1:3])
+    for mine, theirs in ours:
         pair.assert_alike(mine, theirs, limits(of) | {"place": 1.5e-3, "angle": 1e-3}, of)
 
 

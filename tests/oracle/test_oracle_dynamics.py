@@ -59,28 +59,28 @@ def state_of(rover, states, i: int):
     return (q, v, torques, wrenches), back
 
 
-def worst(rover, states, reference, route: str, held: bool) -> float:
-    dynamics = Dynamics(rover if held else dataclasses.replace(rover, differential=None))
+def worst(rover, states, reference, route: str, is_held: bool) -> float:
+    dynamics = Dynamics(rover if is_held else dataclasses.replace(rover, differential=None))
     off = []
     for i in range(len(states.position)):
         state, back = state_of(rover, states, i)
-        found = getattr(dynamics, route)(*state)
-        expected = reference["constrained" if held else "free"][i]
-        off.append(np.max(np.abs(back(found.a) - expected)) / np.max(np.abs(expected)))
-        if held:
+        acceleration = getattr(dynamics, route)(*state)
+        expected = reference["constrained" if is_held else "free"][i]
+        off.append(np.max(np.abs(back(acceleration.a) - expected)) / np.max(np.abs(expected)))
+        if is_held:
             torque = reference["torque"][i]
-            off.append(abs(found.differential_torque - torque) / max(abs(torque), 1.0))
+            off.append(abs(acceleration.differential_torque - torque) / max(abs(torque), 1.0))
     return max(off)
 
 
 @pytest.mark.parametrize("route", ["accelerate", "accelerate_aba"])
-@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("is_held", [True, False])
 @pytest.mark.parametrize("engine", ["", "drake_"])
-def test_both_routes_agree_with_the_stored_engines(stored, route, held, engine):
+def test_both_routes_agree_with_the_stored_engines(stored, route, is_held, engine):
     states = engines.States(**{name: stored[name] for name in engines.States._fields})
     reference = {name: stored[engine + name] for name in ("free", "constrained", "torque")}
     assert len(states.position) == 100
-    assert worst(rover_of(str(stored["urdf"]), states), states, reference, route, held) < AGREE
+    assert worst(rover_of(str(stored["urdf"]), states), states, reference, route, is_held) < AGREE
 
 
 def test_the_engine_was_given_all_the_mass(stored):
@@ -93,7 +93,7 @@ def test_the_shipped_urdf_agrees_with_mujoco():
     states = engines.random_states(text, 20, seed=7)
     reference = engines.by_mujoco(text, states)
     rover = rover_of(text, states)
-    assert worst(rover, states, reference, "accelerate", held=True) < AGREE
+    assert worst(rover, states, reference, "accelerate", is_held=True) < AGREE
     dofs = [rover.model.joints[rover.model.getJointId(name)].idx_v for name in states.joints]
     state, _ = state_of(rover, states, 0)
     ours = mass_matrix(rover, state[0])[np.ix_(dofs, dofs)]
@@ -128,10 +128,10 @@ def test_shaken_trees_agree_with_mujoco(seed):
     states = engines.random_states(text, 10, seed)
     reference = engines.by_mujoco(text, states)
     for route in ("accelerate", "accelerate_aba"):
-        assert worst(rover_of(text, states), states, reference, route, held=True) < AGREE
+        assert worst(rover_of(text, states), states, reference, route, is_held=True) < AGREE
 
 
 def test_a_wrong_differential_would_be_seen(stored):
     states = engines.States(**{name: stored[name] for name in engines.States._fields})
     rover = rover_of(str(stored["urdf"]), states)
-    assert worst(dataclasses.replace(rover, differential=None), states, stored, "accelerate", held=True) > 1e-6
+    assert worst(dataclasses.replace(rover, differential=None), states, stored, "accelerate", is_held=True) > 1e-6

@@ -28,8 +28,8 @@ TUNED = {"control.S_d": 0.2, "control.k_p": 0.1, "control.k_i": 1.0}
 
 
 def case(loss=0.0, **settings):
-    made = scenario("ditch", soil="table-1", **settings)
-    return dataclasses.replace(made, model=made.model.having(PostPeak(fraction=loss))) if loss else made
+    scene = scenario("ditch", soil="table-1", **settings)
+    return dataclasses.replace(scene, model=scene.model.having(PostPeak(fraction=loss))) if loss else scene
 
 
 def outcome(case):

@@ -93,27 +93,27 @@ def test_finally_the_rover_is_stuck(dug):
     """0.03 mm/s are left of 50, and the usual cut ends the drive at 41 s."""
     last = dug.t > 50.0
     assert abs(dug["body_x"][-1] - dug["body_x"][last][0]) < 1e-3
-    usual = driven(**{**DIGGING, "buried": 0.5})
-    assert usual.attrs["stop"].startswith("buried: wheel")
-    assert usual.t[-1] == pytest.approx(40.6, abs=0.5)
+    trace = driven(**{**DIGGING, "buried": 0.5})
+    assert trace.attrs["stop"].startswith("buried: wheel")
+    assert trace.t[-1] == pytest.approx(40.6, abs=0.5)
 
 
 @pytest.fixture(scope="module")
-def held():
+def controlled():
     return driven(**DIGGING, control="true", **{"control.S_d": 0.2})
 
 
 @pytest.mark.xfail(strict=True, reason="not buried, but it stands: 0.5 mm/s are left, on 10.7 deg")
-def test_held_at_a_small_slip_it_climbs_on(held):
+def test_held_at_a_small_slip_it_climbs_on(controlled):
     """It did, at 1.6 mm/s, while the hole's rim faded below 5 mm/s: what crept was the fading."""
-    assert held["body_x"][-1] - held["body_x"][held.t > 50.0][0] > 0.01
+    assert controlled["body_x"][-1] - controlled["body_x"][controlled.t > 50.0][0] > 0.01
 
 
-def test_held_at_a_small_slip_it_is_not_buried(held):
+def test_held_at_a_small_slip_it_is_not_buried(controlled):
     """Section 5's claim, with the true slip at S_d = 0.2; Eq (9) does not see the slip and is buried all the same."""
-    assert np.max(held.stack("sinkage")) < 0.013
-    last = held.t > 50.0
-    assert 0.0 < held["body_x"][-1] - held["body_x"][last][0] < 0.01
-    assert inclination(held)[-1] == pytest.approx(10.65, abs=0.1)
+    assert np.max(controlled.stack("sinkage")) < 0.013
+    last = controlled.t > 50.0
+    assert 0.0 < controlled["body_x"][-1] - controlled["body_x"][last][0] < 0.01
+    assert inclination(controlled)[-1] == pytest.approx(10.65, abs=0.1)
     blind = driven(**{**DIGGING, "buried": 0.5}, control="eq9", **{"control.S_d": 0.2})
     assert blind.attrs["stop"].startswith("buried")

@@ -20,10 +20,10 @@ ABRUPT = {"soil.k": 0.001, "soil.phi_deg": 13.7, "effect.MotionResistance.R": 0.
 
 @pytest.fixture(scope="module")
 def traces():
-    made = {
+    scenarios = {
         form: scenario("slope", soil="table-1", form=form, duration=80.0).drive() for form in ("net", "torque", "gross")
     }
-    return {**made, "abrupt": scenario("slope", soil="table-1", **ABRUPT, duration=60.0).drive()}
+    return {**scenarios, "abrupt": scenario("slope", soil="table-1", **ABRUPT, duration=60.0).drive()}
 
 
 def inclination(trace):

@@ -25,5 +25,5 @@ def test_a_lunar_rover_bounces_more_over_a_bump():
 def test_a_fast_rover_bounces_the_more_the_smaller_the_gravity():
     """At 1 m/s: shares of wheels in the air of 0, 12 and 29 %, peak loads of 2.5, 7.3 and 12.3 times the static one."""
     earth, mars, moon = (over_the_bump(1.0, place) for place in study.PLACES)
-    assert [each["lift_off"] for each in (earth, mars, moon)] == pytest.approx([0.0, 0.116, 0.294], abs=0.01)
-    assert [each["peak_load"] for each in (earth, mars, moon)] == pytest.approx([2.54, 7.31, 12.27], rel=0.02)
+    assert [row["lift_off"] for row in (earth, mars, moon)] == pytest.approx([0.0, 0.116, 0.294], abs=0.01)
+    assert [row["peak_load"] for row in (earth, mars, moon)] == pytest.approx([2.54, 7.31, 12.27], rel=0.02)

@@ -28,12 +28,12 @@ def over_place(trace, name):
 
 
 @pytest.mark.parametrize(
-    ("name", "apart"), [("bogie_l", np.radians(1.3)), ("body_pitch", np.radians(0.4)), ("body_z", 0.0008)]
+    ("name", "distance"), [("bogie_l", np.radians(1.3)), ("body_pitch", np.radians(0.4)), ("body_z", 0.0008)]
 )
-def test_the_functionality_is_almost_the_same(both, name, apart):
+def test_the_functionality_is_almost_the_same(both, name, distance):
     """Over bump and ditch the body's height agrees within 1 mm, pitch and bogie in shape and within degrees (RMS)."""
     plain, links = (over_place(trace, name) for trace in both)
-    assert np.sqrt(np.mean((plain - links) ** 2)) < apart
+    assert np.sqrt(np.mean((plain - links) ** 2)) < distance
     assert np.corrcoef(plain, links)[0, 1] > 0.99
 
 

@@ -45,7 +45,7 @@ def test_every_number_has_a_source_and_is_its_class_default(name):
     soil = SOILS[name]
     assert isinstance(soil, Soil)
     assert soil == type(soil)()
-    assert all(about.source for about in quantities(soil).values())
+    assert all(quantity.source for quantity in quantities(soil).values())
     assert list(quantities(soil)) == list(quantities(Soil))
 
 

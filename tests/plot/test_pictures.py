@@ -11,8 +11,8 @@ from rover_pin.plot import history, snapshots
 
 
 def driven(name, **settings):
-    made = scenario(name, **settings)
-    return made.model, made.drive()
+    case = scenario(name, **settings)
+    return case.model, case.drive()
 
 
 @pytest.fixture(scope="module")
@@ -100,8 +100,8 @@ def test_xarray_is_requested_if_missing_and_used_if_present(monkeypatch):
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(MissingExtraError, match=r"xarray.*install"):
         trace.to_xarray()
-    made = types.SimpleNamespace(Dataset=lambda data, coords, attrs: (data, coords, attrs))
-    monkeypatch.setitem(sys.modules, "xarray", made)
+    fake_module = types.SimpleNamespace(Dataset=lambda data, coords, attrs: (data, coords, attrs))
+    monkeypatch.setitem(sys.modules, "xarray", fake_module)
     data, coords, _ = trace.to_xarray()
     assert data["body_x"][2] == {"units": "m"}
     assert list(coords) == ["t_s"]

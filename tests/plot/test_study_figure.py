@@ -25,7 +25,11 @@ UNITS = {"soil.k": "m", "terrain.angle": "rad", "control": ""}
 def drawn(figure):
     """Label of x and y, and the points, of every panel."""
     return [
-        (axes.get_xlabel(), axes.get_ylabel(), np.ma.concatenate([each.get_offsets() for each in axes.collections]))
+        (
+            axes.get_xlabel(),
+            axes.get_ylabel(),
+            np.ma.concatenate([collection.get_offsets() for collection in axes.collections]),
+        )
         for axes in figure.axes
         if axes.get_xlabel()
     ]
@@ -68,10 +72,10 @@ def test_a_tunings_figure_has_every_drive_of_both_sets():
     ]
     figure = tuning_figure(pd.DataFrame(rows, columns=["set", "drive", "control", "cost"]), "mine")
     above, below = figure.axes
-    assert [each.get_text() for each in above.get_yticklabels()] == ["drive 0", "drive 1", "drive 2"]
-    assert [each.get_text() for each in below.get_yticklabels()] == ["drive 0", "drive 1"]
+    assert [label.get_text() for label in above.get_yticklabels()] == ["drive 0", "drive 1", "drive 2"]
+    assert [label.get_text() for label in below.get_yticklabels()] == ["drive 0", "drive 1"]
     (legend,) = figure.legends
-    assert [each.get_text() for each in legend.get_texts()] == [
+    assert [label.get_text() for label in legend.get_texts()] == [
         *controls[:2], "before, true slip", "tuned, true slip", "before, eq9 slip", "tuned, eq9 slip",
     ]  # fmt: skip
     (tuned,) = (line for line in above.lines if line.get_label() == "tuned, true slip")

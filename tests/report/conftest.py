@@ -45,10 +45,10 @@ def log_of(truth, seed):
     t = PERIOD * np.arange(round(SECONDS / PERIOD))
     duty = np.random.default_rng(seed).uniform(0.45, 0.85, 2)[np.arange(len(t)) * 2 // len(t)]
     steer = np.zeros((len(t), sum(wheel.steer_dof is not None for wheel in truth.rover.wheels)))
-    told = ReplayCommands(t, np.repeat(duty[:, None], 6, axis=1), steer, np.full((len(t), 3), np.nan), Start())
-    duties = {f"duty_{wheel.name}": told.duty[:, at] for at, wheel in enumerate(truth.rover.wheels)}
-    attrs = {"start": dataclasses.asdict(told.start), "file": f"run_{seed}.csv"}
-    trace = measure(Trace({**replay(truth, told).channels, **duties}), Sensors(), seed, truth.sensor_effects)
+    commands = ReplayCommands(t, np.repeat(duty[:, None], 6, axis=1), steer, np.full((len(t), 3), np.nan), Start())
+    duties = {f"duty_{wheel.name}": commands.duty[:, at] for at, wheel in enumerate(truth.rover.wheels)}
+    attrs = {"start": dataclasses.asdict(commands.start), "file": f"run_{seed}.csv"}
+    trace = measure(Trace({**replay(truth, commands).channels, **duties}), Sensors(), seed, truth.sensor_effects)
     return dataclasses.replace(trace, attrs=attrs)
 
 
@@ -70,7 +70,7 @@ def searched():
 
 
 @pytest.fixture(scope="session")
-def made(searched):
+def sag_fits(searched):
     """The log, with the fits before and after the sag is added."""
     log, _, search = searched
     return log, search.base, search.beliefs().best(("SupplySag",)).fit
@@ -98,12 +98,12 @@ def left(gain=200.0):
 def verdict(searched):
     """What the loop says of that log, a remainder made here besides."""
     _, question, search = searched
-    found = verdict_of(question, search.beliefs(), lambda said: None)
-    assert found.named == ("SupplySag",)
+    loop_verdict = verdict_of(question, search.beliefs(), lambda message: None)
+    assert loop_verdict.named == ("SupplySag",)
     experiment = search.base.task.experiment
     return dataclasses.replace(
-        found,
-        extra=DriveExtra(free_runs(experiment, found.before.model, found.model), left()),
+        loop_verdict,
+        extra=DriveExtra(free_runs(experiment, loop_verdict.before.model, loop_verdict.model), left()),
         findings=(Finding("no low duty", "small", "add one"),),
         provenance={"command": "rover-pin close-loop small", "seconds": 1.0, "seed": 0, "versions": {"numpy": "2"}},
     )

@@ -89,9 +89,9 @@ ZOOMED = """
 
 
 @pytest.fixture(scope="module")
-def page(made, verdict, tmp_path_factory):
+def page(sag_fits, verdict, tmp_path_factory):
     found()
-    return write_report(verdict, made[0], tmp_path_factory.mktemp("report"))[0]
+    return write_report(verdict, sag_fits[0], tmp_path_factory.mktemp("report"))[0]
 
 
 def test_it_says_nothing_in_the_console_and_loads_nothing(page, tmp_path):
@@ -101,8 +101,8 @@ def test_it_says_nothing_in_the_console_and_loads_nothing(page, tmp_path):
     out, log = ran(*words, profile=tmp_path / "profile")
     console = [line for line in log.splitlines() if ":CONSOLE" in line]
     assert not console
-    said = json.loads(html.unescape(re.search(r'<pre id="said">(.*?)</pre>', out, re.DOTALL)[1]))
-    assert [name for name in said["loaded"] if not name.startswith("data:")] == []
+    report = json.loads(html.unescape(re.search(r'<pre id="said">(.*?)</pre>', out, re.DOTALL)[1]))
+    assert [name for name in report["loaded"] if not name.startswith("data:")] == []
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -111,20 +111,20 @@ def test_it_does_not_scroll_sideways(page, tmp_path, width):
     frame.write_text(framed(page, width, 3000))
     words = ("--allow-file-access-from-files", "--dump-dom", f"--window-size={max(width, 500)},3000", frame.as_uri())
     out, _ = ran(*words, profile=tmp_path / "profile")
-    said = json.loads(html.unescape(re.search(r'<pre id="said">(.*?)</pre>', out, re.DOTALL)[1]))
-    assert said["room"] == width
-    assert said["wide"] == []
-    assert said["reach"] <= width
+    widths = json.loads(html.unescape(re.search(r'<pre id="said">(.*?)</pre>', out, re.DOTALL)[1]))
+    assert widths["room"] == width
+    assert widths["wide"] == []
+    assert widths["reach"] <= width
     if width == 1200:
-        assert said["first"] <= 900  # what a laptop's window shows at once
+        assert widths["first"] <= 900  # what a laptop's window shows at once
 
 
 def test_a_plot_zooms_and_its_axes_stay_right(page, tmp_path):
     frame = tmp_path / "frame.html"
     frame.write_text(framed(page, 1200, 2000, ZOOMED))
     out, _ = ran("--allow-file-access-from-files", "--dump-dom", frame.as_uri(), profile=tmp_path / "profile")
-    said = json.loads(html.unescape(re.search(r'<pre id="said">(.*?)</pre>', out, re.DOTALL)[1]))
-    for before, after in zip(said["before"], said["after"], strict=True):
+    axes_seen = json.loads(html.unescape(re.search(r'<pre id="said">(.*?)</pre>', out, re.DOTALL)[1]))
+    for before, after in zip(axes_seen["before"], axes_seen["after"], strict=True):
         assert after["span"] < 0.7 * before["span"]  # ticks chosen anew
         assert len(before["points"]) > 5
         assert after["points"] == pytest.approx(before["points"], abs=0.01 * before["span"])

@@ -44,70 +44,75 @@ def test_rig_sentence_states_error_reduction_and_reason(rig):
 
 def test_the_headline_states_cause_size_and_confidence(verdict):
     """Numbers with unit and interval are those of the fit; the probability is that of the beliefs."""
-    said = headline(verdict, labels_of(verdict))
-    assert said.startswith("The bus voltage drops with the current that all motors draw (supply sag): R_b = ")
-    for number in (one for one in verdict.after.numbers if one.name.startswith("SupplySag.")):
-        found = re.search(rf"{number.name.partition('.')[2]} = ([\d.]+) \w+ \[([\d.]+), ([\d.]+)\]", said)
-        told = tuple(map(float, found.groups()))
-        assert told == pytest.approx((number.value, number.low, number.high), rel=0.06)
-    assert said.endswith(f"with probability {verdict.beliefs.inclusion('SupplySag'):.2f}.")
+    headline_text = headline(verdict, labels_of(verdict))
+    assert headline_text.startswith("The bus voltage drops with the current that all motors draw (supply sag): R_b = ")
+    for number in (number for number in verdict.after.numbers if number.name.startswith("SupplySag.")):
+        match = re.search(rf"{number.name.partition('.')[2]} = ([\d.]+) \w+ \[([\d.]+), ([\d.]+)\]", headline_text)
+        numbers = tuple(map(float, match.groups()))
+        assert numbers == pytest.approx((number.value, number.low, number.high), rel=0.06)
+    assert headline_text.endswith(f"with probability {verdict.beliefs.inclusion('SupplySag'):.2f}.")
 
 
 def test_the_headline_states_the_size_of_each_of_a_set(rig):
     """Sets that cannot be distinguished are equivalents: this much of one, or that much of another."""
     tilt = Number("GravityTilt.angle", "rad", 0.029, 0.02, 0.04, float("nan"))
     sets = {"indistinguishable": ("SlipSinkage", "GravityTilt"), "others": {"GravityTilt": Alternative((tilt,), {})}}
-    said = headline(dataclasses.replace(rig, answer=Answer.SET, beliefs=None, **sets), RIG)
-    assert ": 1.7 deg [1.1, 2.3]" in said.split("; or ")[1]
+    headline_text = headline(dataclasses.replace(rig, answer=Answer.SET, beliefs=None, **sets), RIG)
+    assert ": 1.7 deg [1.1, 2.3]" in headline_text.split("; or ")[1]
 
 
 def test_the_headline_lists_the_most_probable_of_many_sets(rig):
     """That nothing is missing stands last, and may be the most probable of many sets all the same."""
-    held = {("SlipSinkage",): 0.4, ("PostPeak",): 0.004, ("GravityTilt",): 0.2, ("TrackingDelay",): 0.1,
+    probabilities = {("SlipSinkage",): 0.4, ("PostPeak",): 0.004, ("GravityTilt",): 0.2, ("TrackingDelay",): 0.1,
             ("SupplySag",): 0.02, (): 0.276}  # fmt: skip
-    beliefs = SimpleNamespace(sets={frozenset(names): p for names, p in held.items()}, hypotheses=(), choice=6)
-    sets = tuple(" + ".join(names) or "nothing" for names in held)
+    beliefs = SimpleNamespace(sets={frozenset(names): p for names, p in probabilities.items()}, hypotheses=(), choice=6)
+    sets = tuple(" + ".join(names) or "nothing" for names in probabilities)
     left = dataclasses.replace(rig, answer=Answer.SET, beliefs=beliefs, indistinguishable=sets)
-    said = headline(left, RIG)
-    assert re.findall(r"probability ([\d.]+\d)", said) == ["0.40", "0.20", "0.10", "0.28"]
-    assert "nothing is missing, with probability 0.28" in said
-    (doubt,) = [line for line in opposing_reasons(left, RIG) if "distinguished" in line]
-    assert "eak" not in doubt, "of what is not worth a word nothing is said"
+    headline_text = headline(left, RIG)
+    assert re.findall(r"probability ([\d.]+\d)", headline_text) == ["0.40", "0.20", "0.10", "0.28"]
+    assert "nothing is missing, with probability 0.28" in headline_text
+    (opposing_reason,) = [line for line in opposing_reasons(left, RIG) if "distinguished" in line]
+    assert "eak" not in opposing_reason, "of what is not worth a word nothing is said"
 
 
 def test_what_got_worse_stands_in_the_sentence(rig):
     worse = score("drawbar pull", "N", 0.5, 0.6, 0.1, 0.3, floor=0.1)
-    said = improvement(dataclasses.replace(rig, scores=(worse, SINKAGE)), RIG)
-    assert "0.50 N to 0.60 N." in said
+    sentence = improvement(dataclasses.replace(rig, scores=(worse, SINKAGE)), RIG)
+    assert "0.50 N to 0.60 N." in sentence
 
 
 @pytest.mark.parametrize("answer", Answer)
 def test_every_answer_has_its_sentence_reasons_and_next_step(answered, answer):
-    one = answered(answer)
-    manner = labels_of(one)
-    said = headline(one, manner)
-    assert said[0].isupper()
-    assert said.endswith(".")
-    assert re.search(r"\d", said)
-    lines = [said, *supporting_reasons(one, manner), *opposing_reasons(one, manner), *next_run(one)]
+    changed_verdict = answered(answer)
+    manner = labels_of(changed_verdict)
+    headline_text = headline(changed_verdict, manner)
+    assert headline_text[0].isupper()
+    assert headline_text.endswith(".")
+    assert re.search(r"\d", headline_text)
+    lines = [
+        headline_text,
+        *supporting_reasons(changed_verdict, manner),
+        *opposing_reasons(changed_verdict, manner),
+        *next_run(changed_verdict),
+    ]
     names = {kind.__name__ for kind in package_effects()} - {"Grousers", "Bulldozing", "Ploughing"}
     for line in lines:
         assert not names & set(re.findall(r"\w+", line)), line
         assert line.endswith(".")
         assert ".." not in line
-    assert opposing_reasons(one, manner)
-    assert next_run(one)
+    assert opposing_reasons(changed_verdict, manner)
+    assert next_run(changed_verdict)
 
 
 def test_answers_that_add_nothing_say_so_and_claim_no_cause(answered):
     for answer in (Answer.NONE_NEEDED, Answer.NONE_FITS, Answer.INADEQUATE, Answer.CANNOT_TELL):
         assert "is now" not in improvement(answered(answer), labels_of(answered(answer)))
     assert "fitted numbers" in headline(answered(Answer.NONE_FITS), RIG)
-    far = dataclasses.replace(
+    distant = dataclasses.replace(
         answered(Answer.INADEQUATE), sentence="numbers are far off: motor.gear = 30.", experiments=()
     )
-    assert headline(far, RIG).startswith("Numbers are far off: motor.gear = 30: do not use")
-    assert "declare" in next_run(far)[0]
+    assert headline(distant, RIG).startswith("Numbers are far off: motor.gear = 30: do not use")
+    assert "declare" in next_run(distant)[0]
     none = headline(answered(Answer.NONE_NEEDED), RIG)
     assert none.endswith("none of the 4 candidates acts, with probability 1.00.")
     assert "times its noise" in improvement(answered(Answer.NONE_NEEDED), RIG)
@@ -131,7 +136,7 @@ def test_a_terminal_gets_the_same_first_screen(verdict):
 
 
 @pytest.mark.parametrize(
-    ("value", "unit", "said"),
+    ("value", "unit", "message"),
     [
         (0.0155, "m", "16 mm"),
         (0.001, "m", "1.0 mm"),
@@ -140,8 +145,8 @@ def test_a_terminal_gets_the_same_first_screen(verdict):
         (0.52, "rad", "30 deg"),
     ],
 )
-def test_numbers_are_short_and_never_powers_of_ten(value, unit, said):
-    assert brief(value, unit) == said
+def test_numbers_are_short_and_never_powers_of_ten(value, unit, message):
+    assert brief(value, unit) == message
 
 
 def test_two_numbers_have_as_many_digits_as_tell_them_apart():

@@ -44,10 +44,12 @@ class Seen(HTMLParser):
         return [attrs for name, attrs in self.tags if name == tag]
 
 
-@pytest.fixture(scope="module", params=[Answer.NAMED, Answer.NONE_FITS, Answer.CANNOT_TELL], ids=lambda one: one.name)
-def page(request, made, answered, tmp_path_factory):
+@pytest.fixture(
+    scope="module", params=[Answer.NAMED, Answer.NONE_FITS, Answer.CANNOT_TELL], ids=lambda first: first.name
+)
+def page(request, sag_fits, answered, tmp_path_factory):
     out = tmp_path_factory.mktemp("page")
-    files = write_report(answered(request.param), made[0], out)
+    files = write_report(answered(request.param), sag_fits[0], out)
     return files[0].read_text(encoding="utf-8"), files, out
 
 
@@ -57,12 +59,12 @@ def without_scene(text):
 
 
 def test_contents_lead_to_every_section(page):
-    seen = Seen(without_scene(page[0]))
-    ids = [attrs["id"] for attrs in seen.all("section")]
-    links = [attrs["href"] for attrs in seen.all("a") if attrs["href"].startswith("#")]
-    assert [f"#{each}" for each in ids[1:]] == [each for each in dict.fromkeys(links) if each[1:] in ids[1:]]
-    assert {each[1:] for each in links} <= set(ids)
-    assert len(seen.all("nav")) == 1
+    page_seen = Seen(without_scene(page[0]))
+    ids = [attrs["id"] for attrs in page_seen.all("section")]
+    links = [attrs["href"] for attrs in page_seen.all("a") if attrs["href"].startswith("#")]
+    assert [f"#{anchor}" for anchor in ids[1:]] == [anchor for anchor in dict.fromkeys(links) if anchor[1:] in ids[1:]]
+    assert {anchor[1:] for anchor in links} <= set(ids)
+    assert len(page_seen.all("nav")) == 1
 
 
 def test_ids_are_there_once(page):
@@ -73,21 +75,21 @@ def test_ids_are_there_once(page):
 def test_every_table_has_headed_columns_and_rows(page):
     text = without_scene(page[0])
     for table in re.findall(r"<table>.*?</table>", text, re.DOTALL):
-        seen = Seen(table)
-        scopes = [attrs.get("scope") for attrs in seen.all("th")]
+        page_seen = Seen(table)
+        scopes = [attrs.get("scope") for attrs in page_seen.all("th")]
         assert set(scopes) == {"col", "row"}
         assert scopes.count("row") == len(re.findall(r"<tr", table)) - 1
         assert all("data-head" in attrs for attrs in Seen(table[table.index("<tbody") :]).all("td"))
 
 
 def test_every_picture_tells_its_result(page):
-    seen = Seen(without_scene(page[0]))
-    pictures = [attrs for attrs in seen.all("svg") if "role" in attrs]
+    observed = Seen(without_scene(page[0]))
+    pictures = [attrs for attrs in observed.all("svg") if "role" in attrs]
     assert all(len(attrs["aria-label"]) > 25 for attrs in pictures)
-    assert not seen.all("img")
-    written = [file for file in page[1] if file.suffix == ".png"]
-    assert len(written) == len(pictures)
-    assert sorted(each.name for each in page[2].iterdir()) == sorted(file.name for file in page[1])
+    assert not observed.all("img")
+    picture_files = [file for file in page[1] if file.suffix == ".png"]
+    assert len(picture_files) == len(pictures)
+    assert sorted(file.name for file in page[2].iterdir()) == sorted(file.name for file in page[1])
 
 
 def test_nothing_comes_from_outside(page):
@@ -114,8 +116,8 @@ def luminance(colour):
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
-def contrast(one, other):
-    bright, dark = sorted((luminance(one), luminance(other)), reverse=True)
+def contrast(first, second):
+    bright, dark = sorted((luminance(first), luminance(second)), reverse=True)
     return (bright + 0.05) / (dark + 0.05)
 
 
@@ -136,11 +138,14 @@ def test_docstrings_show_their_code_and_no_tags():
 
 def test_the_key_of_a_picture_fits_beside_its_panel():
     """Two or three long names ran out of the picture on both sides."""
-    seen = np.array([[1.0], [2.0]])
-    bed = SimpleNamespace(channels=("pull",), observed=seen, unit=lambda name: "N")
-    fitted, added = SimpleNamespace(predicted=seen), "ploughing, slip-softening, excavation by lugs and rate-dependence"
+    points = np.array([[1.0], [2.0]])
+    bed = SimpleNamespace(channels=("pull",), observed=points, unit=lambda name: "N")
+    fitted, added = (
+        SimpleNamespace(predicted=points),
+        "ploughing, slip-softening, excavation by lugs and rate-dependence",
+    )
     sides = [(fitted, "k", "_", "base model, fitted"), (fitted, "k", "x", key(added))]
-    figure = panel(bed, 0, sides, ("slip", seen))
+    figure = panel(bed, 0, sides, ("slip", points))
     FigureCanvasAgg(figure).draw()
     box = figure.legends[0].get_window_extent()
     assert box.x0 >= 0

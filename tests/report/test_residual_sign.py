@@ -34,25 +34,25 @@ def deeper():
     random = np.random.default_rng(0)
     rise = 4 * (rig.slip() / 0.35 - 1)
     rows = np.concatenate([np.zeros(rig.RUNS), rise]) + 0.1 * random.normal(size=2 * rig.RUNS)
-    alike = np.cos(40 * np.arange(2 * rig.RUNS))
-    made = rig.made(rows, {"soil.phi": rig.law_of("soil.phi", alike)}, ("soil.phi",))
-    return made, verdict_on(RigData(made, rig.MODEL))
+    cos = np.cos(40 * np.arange(2 * rig.RUNS))
+    rig_set = rig.made(rows, {"soil.phi": rig.law_of("soil.phi", cos)}, ("soil.phi",))
+    return rig_set, verdict_on(RigData(rig_set, rig.MODEL))
 
 
 def test_the_fit_and_the_levels_left_out_have_the_sign(deeper):
-    made, verdict = deeper
-    data, fit = made.sets[0], verdict.before.fit
+    rig_set, verdict = deeper
+    data, fit = rig_set.sets[0], verdict.before.fit
     for table in (fit.residual, held_out_residual(fit)):
-        rows = made.runs["linear"].rows(table) / np.array(rig.SD)[:, None]
+        rows = rig_set.runs["linear"].rows(table) / np.array(rig.SD)[:, None]
         assert rows[1, data.level == 0].mean() == pytest.approx(-4, abs=0.3)
         assert rows[1, data.level == rig.LEVELS - 1].mean() == pytest.approx(4, abs=0.3)
 
 
 def test_the_table_of_what_residuals_go_with_has_the_sign(deeper):
     rows = table_of_tests(deeper[1].extra, False).rows
-    (row,) = [one for one in rows if one.cells[:2] == ("sinkage", "slip")]
+    (row,) = [row for row in rows if row.cells[:2] == ("sinkage", "slip")]
     assert float(row.cells[2].split()[0]) > 0.9
-    assert any("slip (r = +" in said for said in deeper[1].cautions)
+    assert any("slip (r = +" in caution for caution in deeper[1].cautions)
 
 
 def test_the_words_of_what_is_left_have_the_sign(deeper):
@@ -65,8 +65,8 @@ def test_the_words_of_what_is_left_have_the_sign(deeper):
 
 
 def test_the_figure_of_what_is_left_has_the_sign(deeper):
-    made, verdict = deeper
-    (axis,) = rig_residual_panels(made.sets[0], verdict.extra.before, None)[1].axes
+    rig_set, verdict = deeper
+    (axis,) = rig_residual_panels(rig_set.sets[0], verdict.extra.before, None)[1].axes
     assert "measured - model" in axis.get_ylabel()
     drawn = axis.containers[0].lines[0].get_ydata()
     assert drawn[0] == pytest.approx(-4, abs=0.3)
@@ -75,8 +75,8 @@ def test_the_figure_of_what_is_left_has_the_sign(deeper):
 
 def test_the_draft_of_what_is_left_takes_it_away(deeper, tmp_path):
     """Its depth is that of the contact less what is missing: h + (measured - model) is what the rig shows."""
-    made, verdict = deeper
-    described = made.sets[0], verdict.extra.before.residuals
+    rig_set, verdict = deeper
+    described = rig_set.sets[0], verdict.extra.before.residuals
     drafted = draft_effect(*described)
     law = SameLaw(drafted.effect, effect_in(drafted.text, tmp_path))
     contact = Contact(0.7, 0.0, 0.01, 0.05, 0.0, 0.0, 0.06, 0.0, 0.0, Wheel(), Soil())
@@ -119,7 +119,7 @@ def test_the_table_of_a_drive_has_the_sign(faster):
 def test_the_figure_of_a_drive_has_the_sign(faster):
     fitted, duty = faster
     run, figure = worst_runs(fitted)[0], residual_panels(Sides(fitted, fitted))[0]
-    axis = next(one for one in figure.axes if one.get_ylabel().startswith("current"))
+    axis = next(axis for axis in figure.axes if axis.get_ylabel().startswith("current"))
     drawn = axis.lines[-1].get_ydata()
     assert np.corrcoef(drawn, duty[run])[0, 1] > 0.99
     name = fitted.task.experiment.runs[run].name

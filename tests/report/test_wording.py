@@ -36,7 +36,7 @@ def change(before, after, low, high, floor=1.0, of="levels"):
 
 
 @pytest.mark.parametrize(
-    ("made", "outcome", "text"),
+    ("example", "outcome", "text"),
     [
         (change(3.0, 3.0, 0.0, 0.0), Outcome.NONE, "unchanged"),
         (change(3.0, 3.0 * (1 + 1e-9), -1e-9, 2e-9), Outcome.NONE, "unchanged"),
@@ -53,9 +53,9 @@ def change(before, after, low, high, floor=1.0, of="levels"):
         (change(3.0, 3.012, 0.002, 0.006), Outcome.WORSE, "+0.4%, 95 % [+0.2%, +0.6%]"),
     ],
 )
-def test_a_change_is_worded_by_its_interval_and_its_floor(made, outcome, text):
-    assert made.outcome is outcome
-    assert made.text == text
+def test_a_change_is_worded_by_its_interval_and_its_floor(example, outcome, text):
+    assert example.outcome is outcome
+    assert example.text == text
 
 
 # --- intervals -------------------------------------------------------------------------------------------------------
@@ -71,7 +71,7 @@ def test_an_interval_without_width_is_none():
 
 
 @pytest.mark.parametrize(
-    ("value", "unit", "said"),
+    ("value", "unit", "message"),
     [
         (6.705e-4, "A", "0.6705 mA"),
         (-3e-6, "V", "-3 \N{MICRO SIGN}V"),
@@ -83,11 +83,11 @@ def test_an_interval_without_width_is_none():
         (math.nan, "A", "not predicted"),
     ],
 )
-def test_units_scale_with_the_number(value, unit, said):
+def test_units_scale_with_the_number(value, unit, message):
     """No number of a unit that takes a prefix has zeros or powers of ten before its digits."""
-    assert format_value(value, unit) == said
+    assert format_value(value, unit) == message
     factor, _ = in_words(unit, value)
-    assert said == "not predicted" or float(said.split()[0]) == pytest.approx(factor * value)
+    assert message == "not predicted" or float(message.split()[0]) == pytest.approx(factor * value)
 
 
 KNOWN = Independent("phi", "rad", np.radians(38), np.radians(38), "stated")
@@ -110,24 +110,24 @@ def test_an_interval_that_covers_everything_says_nothing(ends, covered, says):
     assert flag.agrees == (says is Against.AGREES)
     assert f"] {says.value} 38 deg (stated)" in flag.sentence
     cautioned = {Against.AWAY: "sits away from", Against.NOTHING: "is not identified"}
-    (said, *rest) = parameter_cautions((), [flag]) or [""]
-    assert rest == []
-    assert said == "" if says is Against.AGREES else cautioned[says] in said
+    (caution, *further_cautions) = parameter_cautions((), [flag]) or [""]
+    assert further_cautions == []
+    assert caution == "" if says is Against.AGREES else cautioned[says] in caution
 
 
 def test_undetermined_constant_agrees_with_nothing():
     """phi moves the channels of this set by a thousandth of their noise over all that is allowed of it."""
     random = np.random.default_rng(0)
     laws = {"soil.phi": rig.law_of("soil.phi", np.full(2 * rig.RUNS, 1e-4))}
-    made = rig.made(random.normal(size=2 * rig.RUNS), laws, ("soil.phi",))
-    data = dataclasses.replace(made.sets[0], declared={"phi": 0.6})
-    verdict = verdict_on(RigData(dataclasses.replace(made, sets=(data,)), rig.MODEL))
+    rig_set = rig.made(random.normal(size=2 * rig.RUNS), laws, ("soil.phi",))
+    data = dataclasses.replace(rig_set.sets[0], declared={"phi": 0.6})
+    verdict = verdict_on(RigData(dataclasses.replace(rig_set, sets=(data,)), rig.MODEL))
     (flag,) = verdict.extra.before.flags
     assert flag.says is Against.NOTHING
     assert "nothing of 34.38 deg" in verdict.summary()
     assert "identified" in " ".join(verdict.cautions)
-    told = next(one for one in verdict.as_dict()["extra"]["before"]["flags"])
-    assert (told["agrees"], told["says"]) == (False, "says nothing of")
+    flag_found = next(flag for flag in verdict.as_dict()["extra"]["before"]["flags"])
+    assert (flag_found["agrees"], flag_found["says"]) == (False, "says nothing of")
 
 
 # --- verdicts to which nothing was added -----------------------------------------------------------------------------
@@ -161,8 +161,8 @@ def test_undetermined_number_has_its_bounds_as_interval():
 
 
 def test_a_rigs_page_says_what_is_in_its_model_file(nothing, tmp_path):
-    told = {"command": "rover-pin close-loop x", "seconds": 1.0, "seed": 0, "versions": {"numpy": "2"}}
-    verdict = dataclasses.replace(nothing, provenance=told)
+    provenance = {"command": "rover-pin close-loop x", "seconds": 1.0, "seed": 0, "versions": {"numpy": "2"}}
+    verdict = dataclasses.replace(nothing, provenance=provenance)
     page = write_report(verdict, RigExperiment((rig.rig_set(np.zeros(2 * rig.RUNS)),)), tmp_path)[0].read_text()
     assert "fitted base" in " ".join(page.split())
     assert "+0%" not in page
@@ -189,9 +189,9 @@ def test_held_out_figure_draws_no_unclaimed_change():
 
 def test_study_figure_draws_an_arrow_only_for_a_claimed_change():
     table = pd.DataFrame(
-        {"set": "made", "channel": one.name, "noise": one.floor, "held_out_before": one.before,
-         "held_out_after": one.after, "said": one.claim}
-        for one in scores()
+        {"set": "made", "channel": score.name, "noise": score.floor, "held_out_before": score.before,
+         "held_out_after": score.after, "said": score.claim}
+        for score in scores()
     )  # fmt: skip
     (axis,) = study.draw(table).axes
     assert sorted(round(text.xyann[0], 6) for text in axis.texts) == [3.0, 3.0]

@@ -56,7 +56,7 @@ def random_state():
 
 
 @pytest.fixture
-def own(tmp_path):
+def write_rover(tmp_path):
     """A function that puts a URDF beside Nexus 6's TOML, or another, and returns the TOML's path."""
 
     def write(text: str, layout: str | None = None) -> Path:

@@ -42,9 +42,9 @@ def test_the_differential_is_held_exactly_where_it_holds(nexus6, random_state, s
     state = random_state(nexus6, seed)
     left, right, q_left, q_right = nexus6.differential
     for route in (forward_dynamics, forward_dynamics_aba):
-        found = route(nexus6, *state)
-        assert abs(found.a[left] + found.a[right]) < 1e-9
-        assert found.differential_torque != 0.0
+        acceleration = route(nexus6, *state)
+        assert abs(acceleration.a[left] + acceleration.a[right]) < 1e-9
+        assert acceleration.differential_torque != 0.0
     assert state.q[q_left] + state.q[q_right] == 0.0
 
 

@@ -76,13 +76,13 @@ def test_model_names_a_rover_beside_elsewhere_or_in_the_package(tmp_path):
     assert load_named("nexus6", beside / "drive.toml").name == "nexus6"
     for folder in (beside, away):
         (folder / "secret.toml").write_text("password = 1")
-    for own in ("secret.toml", str(beside / "secret.toml"), "nexus7"):
-        with pytest.raises(UrdfError) as told:
-            load_named(own, beside / "drive.toml")
-        assert "lies elsewhere" not in str(told.value)
-    with pytest.raises(UrdfError, match="`rover-pin check-urdf`") as told:
+    for rover_name in ("secret.toml", str(beside / "secret.toml"), "nexus7"):
+        with pytest.raises(UrdfError) as raised:
+            load_named(rover_name, beside / "drive.toml")
+        assert "lies elsewhere" not in str(raised.value)
+    with pytest.raises(UrdfError, match="`rover-pin check-urdf`") as raised:
         load_named(str(away / "secret.toml"), beside / "drive.toml")
-    assert "password" not in str(told.value)
+    assert "password" not in str(raised.value)
 
 
 @pytest.mark.parametrize(

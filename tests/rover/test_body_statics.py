@@ -95,18 +95,18 @@ def test_a_payload_is_a_point_at_the_centre_of_mass(mass):
     rover = off_centre(NEXUS6, (0.06, -0.03, 0.02))
     heavy = rover.carrying(mass)
     point = pin.Inertia(abs(mass), centre_of_mass(rover), np.zeros((3, 3)))
-    whole = rover.model.inertias[1] if mass > 0.0 else heavy.model.inertias[1]
-    assert (whole + point).isApprox(heavy.model.inertias[1] if mass > 0.0 else rover.model.inertias[1], 1e-10)
+    full = rover.model.inertias[1] if mass > 0.0 else heavy.model.inertias[1]
+    assert (full + point).isApprox(heavy.model.inertias[1] if mass > 0.0 else rover.model.inertias[1], 1e-10)
     assert centre_of_mass(heavy) == pytest.approx(centre_of_mass(rover), abs=1e-12)
     assert heavy.mass == pytest.approx(rover.mass + mass)
 
 
 def test_shift_moves_the_centre_of_mass_and_turns_no_inertia():
     rover = off_centre(NEXUS6, (0.1, 0.0, 0.03))
-    moved = rover.carrying(1.5, shift_x=0.02, shift_z=-0.03)
-    assert centre_of_mass(moved) - centre_of_mass(rover) == pytest.approx([0.02, 0.0, -0.03], abs=1e-12)
+    carrying = rover.carrying(1.5, shift_x=0.02, shift_z=-0.03)
+    assert centre_of_mass(carrying) - centre_of_mass(rover) == pytest.approx([0.02, 0.0, -0.03], abs=1e-12)
     still = rover.carrying(1.5)
-    assert moved.model.inertias[1].inertia == pytest.approx(still.model.inertias[1].inertia, abs=1e-15)
+    assert carrying.model.inertias[1].inertia == pytest.approx(still.model.inertias[1].inertia, abs=1e-15)
 
 
 @pytest.mark.parametrize("lever", [(0.2, 0.0, 0.0), (0.0, 0.15, 0.1), (0.0, 0.0, 0.25)])
@@ -135,7 +135,7 @@ def test_a_base_is_refused_exactly_when_no_body_has_its_inertia(lever):
     st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda axis: np.linalg.norm(axis) > 0.1),
 )
 def test_mount_rotation_is_its_rotation_vector_along_the_axle(axis, angle, axle):
-    axis, axle = (np.array(each) / np.linalg.norm(each) for each in (axis, axle))
+    axis, axle = (np.array(vector) / np.linalg.norm(vector) for vector in (axis, axle))
     first = pin.exp3(np.array([0.3, -0.4, 0.2]))
     turned = np.array([[first], [pin.exp3(angle * axis) @ first]])
     assert turning(turned, axle[None]) == pytest.approx(np.array([[0.0], [angle * float(axis @ axle)]]), abs=1e-7)
@@ -163,9 +163,9 @@ def test_a_spring_moves_the_load_between_the_wheels_of_its_bogie(k_s, q_0):
     """All wheels on the plane leave six determinate legs no angle: (N_m - N_r) a changes by k_s q_0, a = 75 mm."""
     plain = wheel_loads(NEXUS6, 0.0)
     sprung = dataclasses.replace(NEXUS6, springs=(SpringDamper(k_s=k_s, d=0.0, q_0=q_0, joint="bogie_l"),))
-    moved = dict(zip([mount.name for mount in NEXUS6.wheels], wheel_loads(sprung, 0.0) - plain, strict=True))
-    assert (moved["ml"] - moved["rl"]) * 0.075 == pytest.approx(k_s * q_0, rel=1e-6)
-    assert sum(moved.values()) == pytest.approx(0.0, abs=1e-9)
+    load_change = dict(zip([mount.name for mount in NEXUS6.wheels], wheel_loads(sprung, 0.0) - plain, strict=True))
+    assert (load_change["ml"] - load_change["rl"]) * 0.075 == pytest.approx(k_s * q_0, rel=1e-6)
+    assert sum(load_change.values()) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("row", [(0, 1), (1, 2), (3, 4), (4, 5), (0, 0), (1, 1), (2, 2)])

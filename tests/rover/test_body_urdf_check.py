@@ -35,16 +35,19 @@ def test_the_rovers_that_come_along_have_no_faults(name):
 
 
 def test_a_report_says_what_the_rover_is():
-    whole, alone, cart = (check_urdf(URDF / name) for name in ("nexus6.toml", "nexus6.urdf", "cart.toml"))
+    full, alone, cart = (check_urdf(URDF / name) for name in ("nexus6.toml", "nexus6.urdf", "cart.toml"))
     wheels = "wheel_fl, wheel_fr, wheel_ml, wheel_mr, wheel_rl, wheel_rr"
-    assert f"6 wheels: {wheels}" in whole.facts
-    assert "differential: rocker_l and rocker_r" in whole.facts
+    assert f"6 wheels: {wheels}" in full.facts
+    assert "differential: rocker_l and rocker_r" in full.facts
     assert "differential: none" in cart.facts
     (joints,) = (fact for fact in alone.facts if fact.startswith("joints that turn fully: "))
     assert sorted(joints.partition(": ")[2].split(", ")) == sorted(wheels.split(", "))
-    assert (whole.loads, alone.loads) == (True, False)
+    assert (full.loads, alone.loads) == (True, False)
     assert not UrdfReport("x.urdf", (), (), ()).loads
-    assert [any("without a TOML" in note for note in each.notes) for each in (whole, alone)] == [False, True]
+    assert [any("without a TOML" in note for note in check_report.notes) for check_report in (full, alone)] == [
+        False,
+        True,
+    ]
     assert "rover file" in check_urdf(URDF / "none.yaml").faults[0]
 
 
@@ -69,16 +72,16 @@ def test_what_cannot_be_read_is_the_reports_one_fault(tmp_path):
         (TEXT.replace('<origin xyz="0.075 0.04 -0.03"/>', '<origin xyz="0.075 0.04 -0.05"/>'), "one plane"),
     ],
 )
-def test_notes_do_not_keep_a_rover_from_loading(own, text, words):
+def test_notes_do_not_keep_a_rover_from_loading(write_rover, text, words):
     assert text != TEXT
-    path = own(text)
+    path = write_rover(text)
     report = check_urdf(path)
     assert report.ok
     assert any(re.search(words, note) for note in report.notes), report.notes
     assert load_rover(path).mass == pytest.approx(5.8)
 
 
-def test_two_readers_that_disagree_are_told_apart(own, monkeypatch):
+def test_two_readers_that_disagree_are_told_apart(write_rover, monkeypatch):
     """Here by a Pinocchio that is handed one other angle: no URDF known to us makes them differ."""
     honest = cross_check.pin.integrate
 
@@ -88,13 +91,13 @@ def test_two_readers_that_disagree_are_told_apart(own, monkeypatch):
         return honest(model, q, turned)
 
     monkeypatch.setattr(cross_check.pin, "integrate", crooked)
-    faults = check_urdf(own(TEXT)).faults
+    faults = check_urdf(write_rover(TEXT)).faults
     assert len(faults) == 1
     assert "place link 'rocker_r_link'" in faults[0]
 
 
 @pytest.mark.parametrize(("reader", "words"), [("yourdfpy", "yourdfpy cannot"), ("pin", "Pinocchio cannot")])
-def test_a_reader_that_fails_is_named(own, monkeypatch, reader, words):
+def test_a_reader_that_fails_is_named(write_rover, monkeypatch, reader, words):
     def fails(*_, **__):
         raise ValueError("no")
 
@@ -106,13 +109,13 @@ def test_a_reader_that_fails_is_named(own, monkeypatch, reader, words):
         import pinocchio
 
         monkeypatch.setattr(pinocchio, "buildModelFromXML", fails)
-    assert words in check_urdf(own(TEXT)).faults[0]
+    assert words in check_urdf(write_rover(TEXT)).faults[0]
 
 
-def test_a_rover_that_cannot_stand_is_told(own):
+def test_a_rover_that_cannot_stand_is_told(write_rover):
     """Without a differential the two rockers are free pivots: the body swings round, and no load balances it."""
     layout = (URDF / "nexus6.toml").read_text().split("[differential]")[0]
-    path = own(re.sub("<mimic[^>]*/>", "", TEXT), layout)
+    path = write_rover(re.sub("<mimic[^>]*/>", "", TEXT), layout)
     report = check_urdf(path)
     assert not report.ok
     (fault,) = report.faults
@@ -124,11 +127,11 @@ def test_a_rover_that_cannot_stand_is_told(own):
 def test_a_rover_that_tips_over_is_told(tmp_path):
     """The chassis' centre of mass 0.4 m behind the rear axle."""
     text = (URDF / "cart.urdf").read_text()
-    moved = re.sub(
+    shifted_text = re.sub(
         r'(<link name="chassis">.*?<inertial>\s*<origin xyz=")[^"]*', r"\g<1>-0.8 0 0.1", text, flags=re.DOTALL
     )
-    assert moved != text
-    (tmp_path / "cart.urdf").write_text(moved)
+    assert shifted_text != text
+    (tmp_path / "cart.urdf").write_text(shifted_text)
     shutil.copy(URDF / "cart.toml", tmp_path)
     (fault,) = check_urdf(tmp_path / "cart.toml").faults
     assert re.search(r"wheels fl, fr.* \(-49[.0-9]* N\)", fault)

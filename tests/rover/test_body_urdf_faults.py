@@ -41,14 +41,14 @@ def scaled(text: str, pattern: str, factor: float) -> str:
 
 
 def without_inertial(link: str) -> str:
-    whole = re.search(rf'<link name="{link}">.*?</link>', TEXT, re.S).group()
-    return TEXT.replace(whole, re.sub(r"(?s)<inertial>.*?</inertial>", "", whole))
+    link_text = re.search(rf'<link name="{link}">.*?</link>', TEXT, re.S).group()
+    return TEXT.replace(link_text, re.sub(r"(?s)<inertial>.*?</inertial>", "", link_text))
 
 
 def swapped(joint: str, old: str, new: str) -> str:
-    whole = wheel_joint(joint)
-    assert old in whole
-    return TEXT.replace(whole, whole.replace(old, new))
+    joint_text = wheel_joint(joint)
+    assert old in joint_text
+    return TEXT.replace(joint_text, joint_text.replace(old, new))
 
 
 FAULTS = {
@@ -158,10 +158,10 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_broken_urdf_gets_a_sentence(own, fault):
+def test_a_broken_urdf_gets_a_sentence(write_rover, fault):
     text, words = FAULTS[fault]
     assert text != TEXT
-    path = own(text)
+    path = write_rover(text)
     report = check_urdf(path)
     assert not report.ok
     assert any(re.search(words, sentence) for sentence in report.faults), report.faults
@@ -189,10 +189,10 @@ def test_a_broken_urdf_gets_a_sentence(own, fault):
         ('[differential]\npair = "rocker"', "", ".differential."),
     ],
 )
-def test_a_toml_that_does_not_fit_its_urdf_gets_a_sentence(own, old, new, words):
+def test_a_toml_that_does_not_fit_its_urdf_gets_a_sentence(write_rover, old, new, words):
     layout = (URDF / "nexus6.toml").read_text()
     assert old in layout
-    path = own(TEXT, layout.replace(old, new))
+    path = write_rover(TEXT, layout.replace(old, new))
     assert any(re.search(words, sentence) for sentence in check_urdf(path).faults)
     with pytest.raises(UrdfError, match=words):
         load_rover(path)

@@ -157,8 +157,8 @@ def test_a_wheel_of_another_weight_ends_the_symmetry(tmp_path, change, symmetric
 def one_body(mass, moments, shape=""):
     """A wheel's inertia on all four wheels of a cart."""
     xx, yy, zz = moments
-    own = f'<mass value="{mass}"/><inertia ixx="{xx}" ixy="0" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/>'
-    text = re.sub(r'<mass value="1.0"/><inertia[^>]*/>', own, cart().urdf)
+    inertia_text = f'<mass value="{mass}"/><inertia ixx="{xx}" ixy="0" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/>'
+    text = re.sub(r'<mass value="1.0"/><inertia[^>]*/>', inertia_text, cart().urdf)
     return read_tree(text if shape is None else re.sub("<collision>.*?</collision>", shape, text), "own.urdf")
 
 
@@ -172,23 +172,25 @@ def test_no_body_has_a_moment_above_the_sum_of_the_others(moments, sound):
 def test_a_radius_of_gyration_is_compared_with_the_shapes_and_the_rover(gyration, sound):
     """The wheel's cylinder, r = 0.15 and b = 0.1 m, reaches 0.158 m; the joints lie 1.063 m apart: corners of
     0.8 x 0.7 m. Allowed are 0.05 of the reach to the larger of 1.5 of it and all of the distance."""
-    reach, apart = math.hypot(0.15, 0.05), math.hypot(0.8, 0.7)
-    assert (0.05 * reach < gyration < max(1.5 * reach, apart)) is sound
+    reach, size = math.hypot(0.15, 0.05), math.hypot(0.8, 0.7)
+    assert (0.05 * reach < gyration < max(1.5 * reach, size)) is sound
     moment = 2.0 / 3.0 * gyration**2  # of a ball: the trace over 2 m is the square of the radius
-    assert (list(unit_faults(one_body(1.0, [moment] * 3, None), apart)) == []) is sound
+    assert (list(unit_faults(one_body(1.0, [moment] * 3, None), size)) == []) is sound
 
 
 @pytest.mark.parametrize(("gyration", "sound"), [(0.003, False), (0.0035, True)])
 def test_without_shapes_a_radius_of_gyration_is_compared_with_the_rover(gyration, sound):
-    apart = math.hypot(0.8, 0.7)
-    assert (0.003 * apart < gyration) is sound
-    assert (list(unit_faults(one_body(1.0, [2.0 / 3.0 * gyration**2] * 3), apart)) == []) is sound
+    size = math.hypot(0.8, 0.7)
+    assert (0.003 * size < gyration) is sound
+    assert (list(unit_faults(one_body(1.0, [2.0 / 3.0 * gyration**2] * 3), size)) == []) is sound
 
 
-@pytest.mark.parametrize(("apart", "word"), [(0.019, "origins"), (0.021, ""), (19.0, "tonnes"), (20.1, "millimetres")])
-def test_the_distance_between_the_joints_is_a_rovers(apart, word):
-    faults = list(unit_faults(read_tree(cart().urdf, "own.urdf"), apart))
-    light = 24.0 / apart**3 > 5000.0
+@pytest.mark.parametrize(
+    ("distance", "word"), [(0.019, "origins"), (0.021, ""), (19.0, "tonnes"), (20.1, "millimetres")]
+)
+def test_the_distance_between_the_joints_is_a_rovers(distance, word):
+    faults = list(unit_faults(read_tree(cart().urdf, "own.urdf"), distance))
+    light = 24.0 / distance**3 > 5000.0
     assert any(word in fault for fault in faults) if word else not faults or light
 
 
@@ -197,8 +199,8 @@ def test_the_density_is_a_rovers(density, sound):
     """24 kg over the cube of the distance between the joints."""
     tree = read_tree(re.sub("<inertia [^>]*>", "", cart().urdf).replace("<mass", "<inertia ixx='1' ixy='0' ixz='0' "
                      "iyy='1' iyz='0' izz='1'/><mass"), "own.urdf")  # fmt: skip
-    apart = (24.0 / density) ** (1.0 / 3.0)
-    about_mass = [fault for fault in unit_faults(tree, apart) if "weighs" in fault]
+    distance = (24.0 / density) ** (1.0 / 3.0)
+    about_mass = [fault for fault in unit_faults(tree, distance) if "weighs" in fault]
     assert (about_mass == []) is sound
 
 
@@ -207,8 +209,10 @@ def test_a_tenth_of_its_body_is_a_small_part(mass, small):
     """A bracket fixed to a wheel of 1 kg, with an impossible inertia: a note up to a tenth of both, else a fault."""
     farm = cart().link("bracket", "fl_link", "fixed", "0 0 0", mass=0.0)
     inertia = '<inertia ixx="1e-6" ixy="0" ixz="0" iyy="1e-6" iyz="0" izz="1e-5"/>'
-    own = f'<inertial><mass value="{mass}"/>{inertia}</inertial>'
-    tree = read_tree(farm.urdf.replace('<link name="bracket_link">', f'<link name="bracket_link">{own}'), "own.urdf")
+    inertial_text = f'<inertial><mass value="{mass}"/>{inertia}</inertial>'
+    tree = read_tree(
+        farm.urdf.replace('<link name="bracket_link">', f'<link name="bracket_link">{inertial_text}'), "own.urdf"
+    )
     assert (mass <= 0.1 * (1.0 + mass)) is small
     assert ("bracket_link" in small_parts(tree)) is small
     assert ("bracket_link" in "".join(inertia_faults(tree))) is not small
@@ -268,10 +272,10 @@ def test_a_shape_a_fifth_out_of_round_is_no_wheel(tmp_path, second, round_):
 
 def test_a_size_from_the_inertia_is_that_of_a_solid_cylinder(tmp_path):
     """m r^2 / 2 about the axle and m (3 r^2 + b^2) / 12 across it, of r = 0.12 and b = 0.07 m."""
-    own, other = 0.5 * 0.12**2, (3.0 * 0.12**2 + 0.07**2) / 12.0
+    axial, across = 0.5 * 0.12**2, (3.0 * 0.12**2 + 0.07**2) / 12.0
     text = re.sub("<collision>.*?</collision>", "", cart().urdf)
-    text = re.sub(r'<mass value="1.0"/><inertia[^>]*/>', f'<mass value="1.0"/><inertia ixx="{other}" ixy="0" ixz="0" '
-                  f'iyy="{own}" iyz="0" izz="{other}"/>', text)  # fmt: skip
+    text = re.sub(r'<mass value="1.0"/><inertia[^>]*/>', f'<mass value="1.0"/><inertia ixx="{across}" ixy="0" ixz="0" '
+                  f'iyy="{axial}" iyz="0" izz="{across}"/>', text)  # fmt: skip
     text = re.sub('name="([fr][lr])"', r'name="wheel_\1"', text)
     size = propose(read_tree(text, "own.urdf"), tmp_path).wheels[0].size
     assert (size.r, size.b) == pytest.approx((0.12, 0.07))

@@ -99,8 +99,8 @@ def test_a_mesh_that_is_round_about_another_axis_than_the_default_is_a_fault(tmp
 def test_the_inertia_of_a_disc_tells_its_axis():
     """A solid cylinder by hand: m r^2 / 2 about its axis, m (3 r^2 + b^2) / 12 across it."""
     for r, b, is_disc in ((0.1, 0.04, True), (0.1, 0.2, False)):
-        own, across = r**2 / 2, (3 * r**2 + b**2) / 12
-        axis = disc_axis(Body(1.0, np.zeros(3), np.diag([across, own, across]), rotation((0.0, 0.0, math.pi / 2))))
+        axial, across = r**2 / 2, (3 * r**2 + b**2) / 12
+        axis = disc_axis(Body(1.0, np.zeros(3), np.diag([across, axial, across]), rotation((0.0, 0.0, math.pi / 2))))
         assert (axis is not None) is is_disc
         if axis is not None:
             assert np.abs(axis) == pytest.approx([1.0, 0.0, 0.0], abs=1e-12)
@@ -118,10 +118,10 @@ def test_a_disc_without_a_drawing_contradicts_a_missing_axis(tmp_path):
 @pytest.mark.parametrize("tag", ["axis", "limit", "origin", "parent", "mimic", "inertial"])
 def test_an_element_that_is_there_twice_is_a_fault(tmp_path, tag):
     twice = {"axis": '<axis xyz="1 0 0"/>', "origin": '<origin xyz="0 0 1"/>', "parent": '<parent link="fl_link"/>'}
-    written = twice.get(tag, f"<{tag}/>")
+    element_text = twice.get(tag, f"<{tag}/>")
     text = rocker_bogie(inner='<mimic joint="rocker_l"/>').urdf
-    found = re.search(f"<{tag}[ >]", text)
-    path = write(tmp_path, text[: found.start()] + written + text[found.start() :], {**THREE_AXLES, **ROCKERS})
+    match = re.search(f"<{tag}[ >]", text)
+    path = write(tmp_path, text[: match.start()] + element_text + text[match.start() :], {**THREE_AXLES, **ROCKERS})
     (fault,) = check_urdf(path).faults
     assert f"2 elements <{tag}>" in fault
 
@@ -213,8 +213,8 @@ def test_names_that_hold_in_no_frame_are_a_question_that_front_answers(tmp_path,
 
 def test_a_joint_and_its_link_that_name_different_ends_are_a_question(tmp_path):
     text = named_cart(PLACES)
-    for name, other in (("front", "rear"), ("rear", "front")):
-        text = re.sub(f"wheel_{name}_(left|right)_link", rf"the_{other}_\1_tyre", text)
+    for name, second in (("front", "rear"), ("rear", "front")):
+        text = re.sub(f"wheel_{name}_(left|right)_link", rf"the_{second}_\1_tyre", text)
     with pytest.raises(UrdfError, match="--front"):
         proposal(tmp_path, text)
 
@@ -314,8 +314,8 @@ def test_a_xacro_includes_files_beside_it_from_any_folder(tmp_path, monkeypatch)
     )
     monkeypatch.chdir(elsewhere)
     for number, path in enumerate((folder / "own.urdf.xacro", os.path.relpath(folder / "own.urdf.xacro"))):
-        made = new_rover(path, folder / str(number) / "own.toml", Trust(everything=True))
-        assert made.proposal.wheels[0].size.r == pytest.approx(0.15)
+        new = new_rover(path, folder / str(number) / "own.toml", Trust(everything=True))
+        assert new.proposal.wheels[0].size.r == pytest.approx(0.15)
 
 
 def without_size(mesh='<mesh filename="package://other/meshes/tyre.stl"/>'):
@@ -330,9 +330,9 @@ def test_wheels_without_any_size_are_named_with_their_missing_mesh(tmp_path):
     with pytest.raises(UrdfError, match=r"fl, fr, rl, rr .*package://other/meshes/tyre.stl.*--r.*--b"):
         proposal(tmp_path, without_size())
     (tmp_path / "own.urdf").write_text(without_size())
-    made = new_rover(tmp_path / "own.urdf", r=0.12, b=0.06)
-    assert {(wheel.size.r, wheel.size.b) for wheel in made.proposal.wheels} == {(0.12, 0.06)}
-    assert any("inertia" in fault for fault in made.report.faults)
+    new = new_rover(tmp_path / "own.urdf", r=0.12, b=0.06)
+    assert {(wheel.size.r, wheel.size.b) for wheel in new.proposal.wheels} == {(0.12, 0.06)}
+    assert any("inertia" in fault for fault in new.report.faults)
     with pytest.raises(ParameterError, match="r and b"):
         new_rover(tmp_path / "own.urdf", tmp_path / "b.toml", r=0.12)
 
@@ -344,9 +344,9 @@ def test_a_wheel_without_size_is_as_large_as_the_others(tmp_path):
         "<inertia .*?/>", '<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>', farm.parts[3]
     )
     (tmp_path / "own.urdf").write_text(farm.urdf)
-    made = new_rover(tmp_path / "own.urdf")
-    assert [(wheel.joint, wheel.size.r) for wheel in made.proposal.wheels][3] == ("rr", pytest.approx(0.15))
-    assert "rr_link" in made.report.faults[0]
+    new = new_rover(tmp_path / "own.urdf")
+    assert [(wheel.joint, wheel.size.r) for wheel in new.proposal.wheels][3] == ("rr", pytest.approx(0.15))
+    assert "rr_link" in new.report.faults[0]
 
 
 def test_the_name_of_the_new_toml_needs_no_suffix(tmp_path):

@@ -46,10 +46,12 @@ def errors(scene):
     K, names = float(scene.model.motor.constant), [wheel.name for wheel in NEXUS6.wheels]
     mine, plain = [], []
     for at in range(60, len(trace.t), 20):
-        attitude = tuple(trace[f"body_{each}"][at] for each in ("roll", "pitch", "yaw"))
-        q = configuration(NEXUS6, attitude, {each: trace[each][at] for each in NEXUS6.angles if each in trace})
+        attitude = tuple(trace[f"body_{angle_name}"][at] for angle_name in ("roll", "pitch", "yaw"))
+        q = configuration(
+            NEXUS6, attitude, {angle_name: trace[angle_name][at] for angle_name in NEXUS6.angles if angle_name in trace}
+        )
         normal = np.where((on := trace.stack("normal")[at]) > 0.2, on, np.nan)
-        torque = K * np.array([trace[f"current_{each}_A"][at] for each in names])
+        torque = K * np.array([trace[f"current_{angle_name}_A"][at] for angle_name in names])
         mine.append(driven_loads(NEXUS6, q, torque, *footing(NEXUS6, q)) / normal - 1.0)
         plain.append(wheel_loads(NEXUS6, -attitude[1]) / normal - 1.0)
     return np.array(mine), np.array(plain)
@@ -63,7 +65,7 @@ def test_an_angle_that_the_rover_has_not_is_refused():
 def test_parallel_links_follow_the_angles_that_are_given():
     links = load_rover("nexus6_links")
     q = configuration(links, (0.0, 0.0, 0.0), {"bogie_l": 0.2, "rocker_l": 0.1, "rocker_r": -0.1})
-    joint = next(each for each in links.couplings if each.q_leader == links.angles["bogie_l"])
+    joint = next(coupling for coupling in links.couplings if coupling.q_leader == links.angles["bogie_l"])
     assert q[joint.q_follower] == pytest.approx(joint.ratio * 0.2)
     foot, jacobians = footing(links, q)
     loads = driven_loads(links, q, np.zeros(6), foot, jacobians)

@@ -35,13 +35,13 @@ HELD = {"swivel": 0.4, "slide": {"value": 150, "unit": "mm"}, "hand": {"value": 
 def test_held_joints_are_those_of_pinocchios_reduced_model(tmp_path):
     farm = arm(cart())
     rover = load_rover(write(tmp_path, farm, {**TWO_AXLES, "held": HELD}))
-    whole = pin.buildModelFromXML(farm.urdf, pin.JointModelFreeFlyer())
-    q, angle = pin.neutral(whole), -math.pi / 3
+    xml = pin.buildModelFromXML(farm.urdf, pin.JointModelFreeFlyer())
+    q, angle = pin.neutral(xml), -math.pi / 3
     for name, value in (("swivel", 0.4), ("slide", 0.15)):
-        q[whole.joints[whole.getJointId(name)].idx_q] = value
-    at = whole.joints[whole.getJointId("hand")].idx_q
+        q[xml.joints[xml.getJointId(name)].idx_q] = value
+    at = xml.joints[xml.getJointId("hand")].idx_q
     q[at : at + 2] = math.cos(angle), math.sin(angle)
-    reduced = pin.buildReducedModel(whole, [whole.getJointId(name) for name in HELD], q)
+    reduced = pin.buildReducedModel(xml, [xml.getJointId(name) for name in HELD], q)
     assert rover.model.nv == reduced.nv == 10
     assert pin.computeTotalMass(rover.model) == pytest.approx(26.5)
     M = np.triu(pin.crba(reduced, reduced.createData(), pin.neutral(reduced)))
@@ -56,8 +56,8 @@ def test_what_follows_a_held_joint_is_held_where_that_puts_it(tmp_path):
         for inner in ('<mimic joint="elbow" multiplier="-2" offset="0.1"/>', "")
     ]
     follows = load_rover(write(tmp_path, arm_of[0], {**TWO_AXLES, "held": {"elbow": 0.2}}))
-    stated = load_rover(write(tmp_path, arm_of[1], {**TWO_AXLES, "held": {"elbow": 0.2, "wrist": -0.3}}))
-    assert follows.model.inertias[1] == stated.model.inertias[1]
+    rover = load_rover(write(tmp_path, arm_of[1], {**TWO_AXLES, "held": {"elbow": 0.2, "wrist": -0.3}}))
+    assert follows.model.inertias[1] == rover.model.inertias[1]
 
 
 def test_axes_of_either_sign_drive_as_the_plain_rover_does(tmp_path):
@@ -69,23 +69,23 @@ def test_axes_of_either_sign_drive_as_the_plain_rover_does(tmp_path):
         ("steer_rl", "0 0 1", "0 0 -1"),
         ("rocker_r", "0 1 0", "0 -1 0"),
     ):
-        whole = re.search(rf'<joint name="{joint}".*?</joint>', text, re.S).group()
-        assert old in whole
-        turned = whole.replace(old, new).replace('multiplier="-1"', 'multiplier="1"')
-        text = text.replace(whole, turned)
+        joint_text = re.search(rf'<joint name="{joint}".*?</joint>', text, re.S).group()
+        assert old in joint_text
+        turned = joint_text.replace(old, new).replace('multiplier="-1"', 'multiplier="1"')
+        text = text.replace(joint_text, turned)
     (tmp_path / "nexus6.urdf").write_text(text)
     (tmp_path / "mine.toml").write_text(shipped_toml("nexus6").read_text())
     report = check_urdf(tmp_path / "mine.toml")
     assert report.ok
     assert any(
-        re.search("wheel joints 'wheel_fr', 'wheel_ml' point to -y: .* roll forward", each) for each in report.notes
+        re.search("wheel joints 'wheel_fr', 'wheel_ml' point to -y: .* roll forward", note) for note in report.notes
     )
-    own, plain = (
+    mirrored, plain = (
         scenario("one-sided-bump", rover=str(rover), soil="table-1", motor="speed-like", duration=6.0).drive()
         for rover in (tmp_path / "mine.toml", "nexus6")
     )
     for channel in ("body_x", "rocker_r", "wheel_rate_ml", "body_yaw"):
-        assert own[channel] == pytest.approx(plain[channel], abs=1e-9)
+        assert mirrored[channel] == pytest.approx(plain[channel], abs=1e-9)
 
 
 def test_an_endless_pivot_gets_stops_and_a_stopped_wheel_none(tmp_path):
@@ -111,7 +111,7 @@ def test_a_floating_world_and_a_base_that_is_not_the_root(tmp_path):
         '<joint name="stand" type="fixed"><parent link="foot"/><child link="body"/><origin xyz="0 0 0.5" rpy="0 0 1"/>'
         "</joint></robot>",
     )
-    rover, plain = (load_rover(write(tmp_path, each, TWO_AXLES)) for each in (text, farm))
+    rover, plain = (load_rover(write(tmp_path, urdf, TWO_AXLES)) for urdf in (text, farm))
     assert rover.model.jointPlacements[2].isApprox(plain.model.jointPlacements[2], 1e-12)
     assert rover.mass == pytest.approx(plain.mass)
 
@@ -148,7 +148,7 @@ def turned_base(rpy: str) -> str:
 def test_a_base_that_is_turned_is_refused_and_mended(tmp_path, rpy, words):
     path = write(tmp_path, turned_base(rpy), TWO_AXLES)
     assert any(re.search(words, fault) for fault in check_urdf(path).faults), check_urdf(path).faults
-    mended = write(tmp_path, turned_base(rpy), {**TWO_AXLES, "base_rpy": [float(each) for each in rpy.split()]})
+    mended = write(tmp_path, turned_base(rpy), {**TWO_AXLES, "base_rpy": [float(word) for word in rpy.split()]})
     rover = load_rover(mended)
     plain = load_rover(write(tmp_path, cart(), TWO_AXLES))
     assert rover.model.jointPlacements[2].translation == pytest.approx(plain.model.jointPlacements[2].translation)
@@ -195,14 +195,14 @@ def test_a_gear_adds_its_inertia_to_the_rockers(tmp_path):
 
 def test_tied_wheels_turn_together(tmp_path):
     """Skid-steer by one motor a side: under a load that lies in front each wheel alone would turn at its own rate."""
-    farm, apart = cart(), {}
+    farm, distance = cart(), {}
     farm.centre = "0.3 0 0.2"
     for tied in (False, True):
         path = write(tmp_path, farm, {**TWO_AXLES, "tied_sides": tied, "soil": {"name": "hit-lss1"}})
         trace = scenario("flat", rover=str(path), duration=3.0).drive()
-        apart[tied] = [np.max(np.abs(trace[f"wheel_rate_r{side}"] - trace[f"wheel_rate_f{side}"])) for side in "lr"]
-    assert min(apart[False]) > 1e-3
-    assert max(apart[True]) < 1e-9
+        distance[tied] = [np.max(np.abs(trace[f"wheel_rate_r{side}"] - trace[f"wheel_rate_f{side}"])) for side in "lr"]
+    assert min(distance[False]) > 1e-3
+    assert max(distance[True]) < 1e-9
 
 
 def sizes_apart() -> tuple[Farm, dict]:
@@ -238,19 +238,21 @@ def test_a_rover_with_any_trait_is_sound_and_drives(tmp_path, trait):
     assert abs(trace.energy_error()) < 1e-3
 
 
-@pytest.mark.parametrize("held", [False, True])
-def test_a_log_of_tied_wheels_is_replayed_by_duties_and_by_rates(tmp_path, held):
+@pytest.mark.parametrize("is_held", [False, True])
+def test_a_log_of_tied_wheels_is_replayed_by_duties_and_by_rates(tmp_path, is_held):
     """Two tachogenerators on one belt never agree; held each to its own, their wheels would be torn apart."""
     path = write(tmp_path, cart(), {**TWO_AXLES, "tied_sides": True, "soil": {"name": "hit-lss1"}})
     drive = scenario("one-sided-bump", rover=str(path), duration=4.0, motor="speed-like")
     true = drive.drive()
-    kept = {name: values for name, values in true.channels.items() if not (held and name.startswith("duty_"))}
-    if held:
+    channels = {name: values for name, values in true.channels.items() if not (is_held and name.startswith("duty_"))}
+    if is_held:
         random = np.random.default_rng(0)
-        kept |= {name: kept[name] + random.normal(0.0, 0.01, len(true.t)) for name in kept if "wheel_rate" in name}
-    log = Trace(kept, true.units, {**true.attrs, "start": {"x": 0.0, "y": 0.0, "yaw": 0.0}})
+        channels |= {
+            name: channels[name] + random.normal(0.0, 0.01, len(true.t)) for name in channels if "wheel_rate" in name
+        }
+    log = Trace(channels, true.units, {**true.attrs, "start": {"x": 0.0, "y": 0.0, "yaw": 0.0}})
     run = commands(log, true.wheels, ())
-    assert run.rate_driven == held
+    assert run.rate_driven == is_held
     driven = replay(drive.model, run).channels
     for front, rear in (("fl", "rl"), ("fr", "rr")):
         assert driven[f"wheel_rate_{front}"] == pytest.approx(driven[f"wheel_rate_{rear}"], abs=1e-9)

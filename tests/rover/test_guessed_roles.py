@@ -52,24 +52,24 @@ def test_of_what_weighs_nothing_the_joints_tell_which_side_is_up(roles, roll, ba
 @pytest.mark.parametrize(("low", "high", "at"), [(-0.8, 0.8, 0.0), (0.2, 0.8, 0.2), (-0.8, -0.1, -0.1)])
 def test_a_bogie_on_one_side_alone_is_held_within_its_stops(roles, side, low, high, at):
     farm = Farm()
-    for own, y in (("l", 0.4), ("r", -0.4)):
+    for local, y in (("l", 0.4), ("r", -0.4)):
         parent, back = "body", 0.0
-        if own == side:
+        if local == side:
             farm.link("bogie", "body", "revolute", f"0.25 {y} 0", mass=1.0, limit=stops(low, high))
             parent, back = "bogie_link", 0.25
         for name, x, hangs in (("f", 0.5, parent), ("m", 0.0, parent), ("r", -0.5, "body")):
             at_x, at_y = (x - back, 0.0) if hangs != "body" else (x, y)
-            farm.wheel(f"{name}{own}", hangs, f"{at_x} {at_y} 0")
-    found = roles(farm.urdf)
-    assert found.held_joints == {"bogie": at}
-    assert found.reasons["bogie"] == "it carries wheels but has no partner on the other side"
+            farm.wheel(f"{name}{local}", hangs, f"{at_x} {at_y} 0")
+    role_table = roles(farm.urdf)
+    assert role_table.held_joints == {"bogie": at}
+    assert role_table.reasons["bogie"] == "it carries wheels but has no partner on the other side"
 
 
-@pytest.mark.parametrize(("b", "own"), [(0.1015, False), (0.103, True)])
-def test_an_axle_of_another_width_alone_gets_a_table_of_its_own(tmp_path, b, own):
+@pytest.mark.parametrize(("b", "has_own_table"), [(0.1015, False), (0.103, True)])
+def test_an_axle_of_another_width_alone_gets_a_table_of_its_own(tmp_path, b, has_own_table):
     """By more than a fiftieth: less is how a mesh was cut."""
     farm = Farm().wheel("fl", "body", "0.4 0.3 0").wheel("fr", "body", "0.4 -0.3 0")
     farm.wheel("rl", "body", "-0.4 0.3 0", b=b).wheel("rr", "body", "-0.4 -0.3 0", b=b)
     (tmp_path / "own.urdf").write_text(farm.urdf)
     new_rover(tmp_path / "own.urdf")
-    assert ("[wheel.rear]" in (tmp_path / "own.toml").read_text()) is own
+    assert ("[wheel.rear]" in (tmp_path / "own.toml").read_text()) is has_own_table

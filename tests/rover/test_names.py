@@ -16,18 +16,18 @@ def boxes(axes):
     return {text.get_text(): text.get_window_extent().extents for text in axes.texts if text.get_text()}
 
 
-def apart(one, other):
-    return one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
+def apart(box, next_box):
+    return box[2] <= next_box[0] or next_box[2] <= box[0] or box[3] <= next_box[1] or next_box[3] <= box[1]
 
 
 def assert_readable(axes, points):
     """Points are in the axes' units, by name."""
-    found = boxes(axes)
-    assert found.keys() == points.keys()
-    for (name, one), (next_name, other) in itertools.combinations(found.items(), 2):
-        assert apart(one, other), f"{name} is over {next_name}"
+    label_boxes = boxes(axes)
+    assert label_boxes.keys() == points.keys()
+    for (name, label_box), (next_name, next_box) in itertools.combinations(label_boxes.items(), 2):
+        assert apart(label_box, next_box), f"{name} is over {next_name}"
     frame = axes.bbox.extents
-    for name, box in found.items():
+    for name, box in label_boxes.items():
         assert (box[:2] > frame[:2]).all(), name
         assert (box[2:] < frame[2:]).all(), name
         for x, y in axes.transData.transform(list(points.values())):
@@ -83,11 +83,11 @@ def test_the_picture_of_a_proposed_rover_can_be_read(rover, tmp_path):
     side, plan = figure.axes
     joints = set(loaded.model.names[2:])
     for axes in (side, plan):
-        found = boxes(axes)
-        assert found.keys() - joints == {"centre of mass"}
-        for (name, one), (next_name, other) in itertools.combinations(found.items(), 2):
-            assert apart(one, other), f"{name} is over {next_name}"
-        for name, box in found.items():
+        label_boxes = boxes(axes)
+        assert label_boxes.keys() - joints == {"centre of mass"}
+        for (name, label_box), (next_name, next_box) in itertools.combinations(label_boxes.items(), 2):
+            assert apart(label_box, next_box), f"{name} is over {next_name}"
+        for name, box in label_boxes.items():
             assert (box[:2] > axes.bbox.extents[:2]).all(), name
             assert (box[2:] < axes.bbox.extents[2:]).all(), name
     assert boxes(plan).keys() >= joints

@@ -26,23 +26,23 @@ Farm = made.Farm
 def proposed(folder: Path, urdf: str) -> dict:
     """The proposal for a URDF's text, read again; it is sound by itself."""
     (folder / "own.urdf").write_text(urdf)
-    made = new_rover(folder / "own.urdf")
-    assert made.report.ok, made.report.faults
-    assert [file.suffix for file in made.files] == [".toml", ".png"]
-    assert all(file.stat().st_size > 500 for file in made.files)
+    proposal = new_rover(folder / "own.urdf")
+    assert proposal.report.ok, proposal.report.faults
+    assert [file.suffix for file in proposal.files] == [".toml", ".png"]
+    assert all(file.stat().st_size > 500 for file in proposal.files)
     return tomllib.loads((folder / "own.toml").read_text())
 
 
 def test_nexus_6_and_the_cart_are_found_as_they_are(tmp_path):
-    for name, apart in (("nexus6", ("motor", "soil")), ("cart", ())):
+    for name, tables_apart in (("nexus6", ("motor", "soil")), ("cart", ())):
         (folder := tmp_path / name).mkdir()
-        found = proposed(folder, shipped_toml(name).with_suffix(".urdf").read_text())
-        known = tomllib.loads(shipped_toml(name).read_text())
-        rover, own = load_rover(name), load_rover(folder / "own.toml")
-        assert own.wheel == rover.wheel
-        for key in set(known) - {"name", "urdf", "wheel", "wheels", *apart}:
-            assert found[key] == known[key]
-        assert list(found["wheels"].values()) == list(known["wheels"].values())
+        proposal = proposed(folder, shipped_toml(name).with_suffix(".urdf").read_text())
+        shipped = tomllib.loads(shipped_toml(name).read_text())
+        rover, proposed_rover = load_rover(name), load_rover(folder / "own.toml")
+        assert proposed_rover.wheel == rover.wheel
+        for key in set(shipped) - {"name", "urdf", "wheel", "wheels", *tables_apart}:
+            assert proposal[key] == shipped[key]
+        assert list(proposal["wheels"].values()) == list(shipped["wheels"].values())
 
 
 def eight(bogies: bool = False) -> Farm:
@@ -69,25 +69,25 @@ def steered(farm_wheel: str = "front") -> Farm:
 
 
 def test_axles_steering_and_suspension_are_found_by_topology(tmp_path):
-    found = {}
+    role_of = {}
     farms = {"eight": eight(), "bogies": eight(True), "steered": steered(), "six": made.rocker_bogie()}
     for name, farm in farms.items():
         (folder := tmp_path / name).mkdir()
-        found[name] = proposed(folder, farm.urdf)
-    assert list(found["eight"]["wheels"]) == ["front", "second", "third", "rear"]
-    assert "suspension" not in found["eight"]
-    assert found["bogies"]["suspension"] == {"bogie": ["b0l", "b0r"], "bogie2": ["b1l", "b1r"]}
-    assert found["steered"]["steering"] == {"front": ["turn_l", "turn_r"]}
-    assert found["six"]["suspension"] == made.ROCKERS["suspension"]
-    assert found["six"]["differential"] == {"pair": "rocker"}
-    assert found["six"]["wheel"] == {"r": 0.15, "b": 0.1}
+        role_of[name] = proposed(folder, farm.urdf)
+    assert list(role_of["eight"]["wheels"]) == ["front", "second", "third", "rear"]
+    assert "suspension" not in role_of["eight"]
+    assert role_of["bogies"]["suspension"] == {"bogie": ["b0l", "b0r"], "bogie2": ["b1l", "b1r"]}
+    assert role_of["steered"]["steering"] == {"front": ["turn_l", "turn_r"]}
+    assert role_of["six"]["suspension"] == made.ROCKERS["suspension"]
+    assert role_of["six"]["differential"] == {"pair": "rocker"}
+    assert role_of["six"]["wheel"] == {"r": 0.15, "b": 0.1}
 
 
 def test_triple_bogies_are_found(tmp_path):
     text = (Path(__file__).parent / "rovers" / "triple.urdf").read_text()
-    found = proposed(tmp_path, text)
-    assert found["suspension"] == {"bogie": ["port_bogie", "starboard_bogie"], "cross": "cross_bogie"}
-    assert "differential" not in found
+    proposal = proposed(tmp_path, text)
+    assert proposal["suspension"] == {"bogie": ["port_bogie", "starboard_bogie"], "cross": "cross_bogie"}
+    assert "differential" not in proposal
 
 
 def test_arms_legs_and_telescopes_are_held_within_their_stops(tmp_path):
@@ -111,13 +111,13 @@ def test_two_halves_of_a_rocker_are_coupled(tmp_path):
         farm.wheel(f"f{side}", f"fore_{side}_link", "0.5 0 -0.3")
         farm.wheel(f"m{side}", f"bogie_{side}_link", "0.25 0 -0.15")
         farm.wheel(f"r{side}", f"bogie_{side}_link", "-0.25 0 -0.15")
-    found = proposed(tmp_path, farm.urdf)
-    assert found["coupled"] == {
+    proposal = proposed(tmp_path, farm.urdf)
+    assert proposal["coupled"] == {
         "fore_l": {"joint": "back_l", "ratio": -1.0},
         "fore_r": {"joint": "back_r", "ratio": 1.0},
     }
-    assert found["suspension"]["rocker"] == ["back_l", "back_r"]
-    assert found["differential"] == {"pair": "rocker"}
+    assert proposal["suspension"]["rocker"] == ["back_l", "back_r"]
+    assert proposal["differential"] == {"pair": "rocker"}
 
 
 @pytest.mark.parametrize(
@@ -133,9 +133,9 @@ def test_a_base_that_is_turned_gets_its_base_rpy(tmp_path, rpy, turned):
     text = steered().urdf.replace('name="body"', 'name="hull"').replace('link="body"', 'link="hull"')
     joint = '<joint name="s" type="fixed"><parent link="body"/><child link="hull"/>'
     text = text.replace("</robot>", f'<link name="body"/>{joint}<origin rpy="{rpy}"/></joint></robot>')
-    found = proposed(tmp_path, text)
-    assert found["base_rpy"] == pytest.approx(turned, abs=1e-9)
-    assert found["wheels"] == {"front": ["fl", "fr"], "rear": ["rl", "rr"]}
+    proposal = proposed(tmp_path, text)
+    assert proposal["base_rpy"] == pytest.approx(turned, abs=1e-9)
+    assert proposal["wheels"] == {"front": ["fl", "fr"], "rear": ["rl", "rr"]}
 
 
 def test_a_mesh_gives_the_size_where_it_can_be_read(tmp_path):
@@ -148,9 +148,9 @@ def test_a_mesh_gives_the_size_where_it_can_be_read(tmp_path):
     trimesh.creation.cylinder(radius=150.0, height=80.0, sections=64).export(tmp_path / "pkg" / "meshes" / "tyre.stl")
     mesh = '<geometry><mesh filename="package://pkg/meshes/tyre.stl" scale="1e-3 1e-3 1e-3"/></geometry>'
     text = re.sub("<geometry>.*?</geometry>", mesh, made.cart().urdf)
-    found = proposed(tmp_path / "pkg" / "urdf", text)
-    assert found["wheel"] == {"r": 0.15, "b": 0.08}
-    for r, size in ((0.001, found["wheel"]), (0.04, found["wheel"]), (0.14, {"r": 0.14, "b": 0.05})):
+    proposal = proposed(tmp_path / "pkg" / "urdf", text)
+    assert proposal["wheel"] == {"r": 0.15, "b": 0.08}
+    for r, size in ((0.001, proposal["wheel"]), (0.04, proposal["wheel"]), (0.14, {"r": 0.14, "b": 0.05})):
         shape = f'<geometry><cylinder radius="{r}" length="0.05"/></geometry></collision>'
         drawn = re.sub(r"(<collision><origin[^>]*>).*?</collision>", rf"\g<0>\1{shape}", text)
         (tmp_path / "pkg" / f"r{r}").mkdir()
@@ -184,8 +184,8 @@ def test_nothing_is_written_over_and_nonsense_is_refused(tmp_path):
         new_rover(path)
     with pytest.raises(UrdfError, match=r"is no .toml"):
         new_rover(path, tmp_path / "own.txt")
-    other = tmp_path / "elsewhere" / "mine.toml"
-    assert [file.name for file in new_rover(path, other).files] == ["own.urdf", "mine.toml", "mine.png"]
+    second = tmp_path / "elsewhere" / "mine.toml"
+    assert [file.name for file in new_rover(path, second).files] == ["own.urdf", "mine.toml", "mine.png"]
     with pytest.raises(UrdfError, match=r"elsewhere/own.urdf:.*already"):
         new_rover(path, tmp_path / "elsewhere" / "second.toml")
     with pytest.raises(UrdfError, match=r".urdf.*.xacro"):
@@ -225,10 +225,10 @@ def test_a_xacro_is_expanded(tmp_path):
 def test_the_command_prints_what_it_proposes(tmp_path, capsys):
     path = tmp_path / "own.urdf"
     path.write_text(made.rocker_bogie().urdf)
-    with pytest.raises(SystemExit) as ended:
+    with pytest.raises(SystemExit) as exit_info:
         app(["new-rover", str(path), "--json"])
-    assert ended.value.code == 0
-    said = json.loads(capsys.readouterr().out)
-    assert said["wheels"]["front"] == "fl fr"
-    assert said["differential"] == "rocker"
-    assert f"rover-pin check-urdf {tmp_path / 'own.toml'}" in said["next"]
+    assert exit_info.value.code == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["wheels"]["front"] == "fl fr"
+    assert report["differential"] == "rocker"
+    assert f"rover-pin check-urdf {tmp_path / 'own.toml'}" in report["next"]

@@ -26,8 +26,8 @@ def posture(rover, seed):
     step, v = rng.uniform(-0.5, 0.5, rover.model.nv), rng.normal(0.0, 1.0, rover.model.nv)
     for vector in (step, v):
         vector[rover.differential.right] = -vector[rover.differential.left]
-        for each in rover.couplings:
-            vector[each.follower] = each.ratio * vector[each.leader]
+        for coupling in rover.couplings:
+            vector[coupling.follower] = coupling.ratio * vector[coupling.leader]
     return pin.integrate(rover.model, pin.neutral(rover.model), step), v, rng
 
 
@@ -93,12 +93,15 @@ def test_what_is_violated_comes_back_each_at_its_own_place(route):
     both, follow = LINKS.differential, LINKS.couplings
     q[both.q_left] += 0.02
     v[both.left] += 0.3
-    for each in follow:
-        q[each.q_follower] += rng.uniform(-0.02, 0.02)
-        v[each.follower] += rng.uniform(-0.3, 0.3)
+    for coupling in follow:
+        q[coupling.q_follower] += rng.uniform(-0.02, 0.02)
+        v[coupling.follower] += rng.uniform(-0.3, 0.3)
     a = route(LINKS, q, v, rng.normal(size=LINKS.model.nv), np.zeros((6, 6))).a
     parts = [(both.left, both.right, both.q_left, both.q_right, -1.0)]
-    parts += [(each.follower, each.leader, each.q_follower, each.q_leader, each.ratio) for each in follow]
+    parts += [
+        (coupling.follower, coupling.leader, coupling.q_follower, coupling.q_leader, coupling.ratio)
+        for coupling in follow
+    ]
     for i, j, q_i, q_j, ratio in parts:
         wanted = -40.0 * (v[i] - ratio * v[j]) - 400.0 * (q[q_i] - ratio * q[q_j])
         assert a[i] - ratio * a[j] == pytest.approx(wanted, rel=1e-8), (i, j)
@@ -108,11 +111,11 @@ def test_differential_torque_closes_equation_8_at_a_rocker():
     """No other constraint acts on a rocker's row; without a differential there is none, though others hold."""
     q, v, rng = posture(LINKS, 6)
     torques, none = rng.normal(size=LINKS.model.nv), np.zeros((6, 6))
-    found = forward_dynamics(LINKS, q, v, torques, none)
-    lacks = pin.rnea(LINKS.model, LINKS.model.createData(), q, v, found.a) - torques
-    assert found.differential_torque == pytest.approx(lacks[LINKS.differential.left], rel=1e-8)
-    assert found.differential_torque == pytest.approx(lacks[LINKS.differential.right], rel=1e-8)
-    assert abs(found.differential_torque) > 0.01
+    dynamics = forward_dynamics(LINKS, q, v, torques, none)
+    lacks = pin.rnea(LINKS.model, LINKS.model.createData(), q, v, dynamics.a) - torques
+    assert dynamics.differential_torque == pytest.approx(lacks[LINKS.differential.left], rel=1e-8)
+    assert dynamics.differential_torque == pytest.approx(lacks[LINKS.differential.right], rel=1e-8)
+    assert abs(dynamics.differential_torque) > 0.01
     for loose in (dataclasses.replace(LINKS, differential=None), load_rover("cart")):
         state = pin.neutral(loose.model), np.zeros(loose.model.nv), np.ones(loose.model.nv)
         for route in (forward_dynamics, forward_dynamics_aba):
@@ -129,8 +132,10 @@ def test_compiled_and_plain_step_agree_and_hold_the_links():
             assert stepper.step() == 0
     assert states[0].v == pytest.approx(states[1].v, abs=1e-9)
     assert steppers[0].energy == pytest.approx(steppers[1].energy, abs=1e-10)
-    for each in LINKS.couplings:
-        assert states[0].q[each.q_follower] == pytest.approx(each.ratio * states[0].q[each.q_leader], abs=1e-12)
+    for coupling in LINKS.couplings:
+        assert states[0].q[coupling.q_follower] == pytest.approx(
+            coupling.ratio * states[0].q[coupling.q_leader], abs=1e-12
+        )
 
 
 def test_a_drive_with_parallel_links_keeps_its_energy():

@@ -53,19 +53,19 @@ def test_a_motor_that_is_too_weak_is_told_and_stalls(tmp_path, stall, goes):
     assert (0.55 * stall > needed) == goes
     assert check.moves.startswith("yes" if goes else "no")
     assert (check.faults == ()) == goes
-    told = scenario("flat", rover=str(path), duration=10.0).drive().summary()["outcome"]
-    assert told.startswith("drives on" if goes else ("stalled", "all but stalled"))
+    outcome = scenario("flat", rover=str(path), duration=10.0).drive().summary()["outcome"]
+    assert outcome.startswith("drives on" if goes else ("stalled", "all but stalled"))
 
 
 def test_the_slope_that_the_motors_hold_is_that_of_a_drive(tmp_path):
     """On soil that grips, a rover at full duty stops between 0.5 and 1.1 times the tangent that is told."""
     path = rover_with(tmp_path, motor=motor(4.0), soil={"name": "table-1", "k": 0.02, "k_1": 6e4})
     check = road_check(load_rover(path))
-    held = float(re.search(r"motors hold ([\d.]+) deg", check.moves)[1])
+    value = float(re.search(r"motors hold ([\d.]+) deg", check.moves)[1])
     assert "motors give" in check.moves
 
     def speed(share: float) -> float:
-        slope = math.atan(share * math.tan(math.radians(held)))
+        slope = math.atan(share * math.tan(math.radians(value)))
         drive = scenario("incline", rover=str(path), duration=8.0, **{
             "terrain.angle": slope, "terrain.start": -9.0, "control.delta": 1.0,
         })  # fmt: skip
@@ -79,11 +79,11 @@ def test_the_slope_that_the_motors_hold_is_that_of_a_drive(tmp_path):
 def test_slope_held_by_the_soil_is_its_pull_minus_the_resistance(tmp_path):
     """tan of it = F(S) - R, but for what the slope shifts from front to rear and how deep the wheels are: 2.5 deg."""
     path = rover_with(tmp_path, motor=motor(30.0), soil={"name": "table-1", "k": 0.01})
-    said = re.search(r"the soil (\d+) deg at S = 1 and (\d+) deg at S = 0.2", road_check(load_rover(path)).moves)
+    match = re.search(r"the soil (\d+) deg at S = 1 and (\d+) deg at S = 0.2", road_check(load_rover(path)).moves)
     model = scenario("flat", rover=str(path)).model
     R, wheel = float(model.effect(MotionResistance).R), model.rover.wheel
     full, part = (float(load_traction_factor(S, model.soils[0], wheel, TorqueTraction())) for S in (1.0, 0.2))
-    assert [math.radians(int(each)) for each in said.groups()] == pytest.approx(
+    assert [math.radians(int(degrees)) for degrees in match.groups()] == pytest.approx(
         [math.atan(full - R), math.atan(part - R)], abs=math.radians(2.5)
     )
     assert math.atan(R) > math.radians(2.5)
@@ -92,14 +92,14 @@ def test_slope_held_by_the_soil_is_its_pull_minus_the_resistance(tmp_path):
 def test_command_reports_standing_motion_and_assumptions(tmp_path, capsys):
     for more, code, moves in (({}, 0, "yes"), ({"motor": motor(0.1)}, 1, "no: its motors stall")):
         path = rover_with(tmp_path, **more)
-        with pytest.raises(SystemExit) as ended:
+        with pytest.raises(SystemExit) as exit_info:
             app(["check-urdf", str(path), "--json"])
-        assert ended.value.code == code
-        said = json.loads(capsys.readouterr().out)
-        assert said["stands"].startswith("yes")
-        assert said["moves"].startswith(moves)
-        assert any("soil: none named" in line for line in said["assumed"])
-        assert len(said["faults"]) == code
+        assert exit_info.value.code == code
+        report = json.loads(capsys.readouterr().out)
+        assert report["stands"].startswith("yes")
+        assert report["moves"].startswith(moves)
+        assert any("soil: none named" in line for line in report["assumed"])
+        assert len(report["faults"]) == code
 
 
 def test_a_soil_that_buries_it_is_told(tmp_path):

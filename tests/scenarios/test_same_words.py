@@ -75,11 +75,11 @@ def test_an_array_of_heights_is_the_ground_that_its_file_is(tmp_path):
     x, y = np.meshgrid(np.arange(60) * 0.1, np.arange(40) * 0.1)
     heights = 0.02 * np.sin(2.0 * x) * np.cos(1.5 * y) + 0.01 * x
     np.save(tmp_path / "dem.npy", heights)
-    own = scenario("grid", terrain=heights, **{"terrain.cell": "10cm"}).model.terrain
-    assert own == from_grid(tmp_path / "dem.npy", cell=0.1)
+    terrain = scenario("grid", terrain=heights, **{"terrain.cell": "10cm"}).model.terrain
+    assert terrain == from_grid(tmp_path / "dem.npy", cell=0.1)
     # By hand: the array's first row lies in the north (+y), columns go along x, the lowest height is 0.
     north_west = float(heights[0, 0] - heights.min())
-    assert float(own.height(-0.5 * 5.9, 0.5 * 3.9)) == pytest.approx(north_west, abs=1e-9)
+    assert float(terrain.height(-0.5 * 5.9, 0.5 * 3.9)) == pytest.approx(north_west, abs=1e-9)
     assert scenario("flat", terrain=hills()).model.terrain == hills()
 
 
@@ -116,16 +116,16 @@ def test_other_objects_name_the_right_attribute_as_well(trace):
     ):
         with pytest.raises(UnknownAttributeError, match=right):
             getattr(thing, wrong)
-    asked = []
+    names_asked = []
 
     def controller(reading: Reading) -> float:
         with pytest.raises(UnknownAttributeError, match=r"reading\.truth\.slip"):
             reading.slip  # noqa: B018
-        asked.append(float(reading.truth.slip[0]))
+        names_asked.append(float(reading.truth.slip[0]))
         return 0.3
 
     scenario("flat", control=controller, duration=0.2).drive(measure_error=False)
-    assert asked
+    assert names_asked
     for probed in (trace, SAND, Load()):
         assert not hasattr(probed, "no_such_name")
         assert not hasattr(probed, "__array__")

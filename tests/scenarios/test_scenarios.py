@@ -64,27 +64,27 @@ SIDEWAYS = {"CombinedShear", "FlankPressure"}
 
 
 def side(name, **settings):
-    made = scenario(name, duration=1.0, **settings)
-    kinds = {type(one).__name__ for one in made.model.effects} & (SIDEWAYS | {"SideShear"})
-    return kinds, [one for one in made.assumed if "side force" in one]
+    case = scenario(name, duration=1.0, **settings)
+    kinds = {type(assumption).__name__ for assumption in case.model.effects} & (SIDEWAYS | {"SideShear"})
+    return kinds, [assumption for assumption in case.assumed if "side force" in assumption]
 
 
 @pytest.mark.parametrize("name", ["turn", "point-turn", "crab", "cross-slope"])
 def test_thrust_and_side_force_share_strength_in_side_motion(name):
     """The law of the wheel rigs, said in the trace, with a way back."""
-    kinds, said = side(name)
+    kinds, assumptions = side(name)
     assert kinds == SIDEWAYS
-    assert "side = shear has SideShear instead" in said[0]
+    assert "side = shear has SideShear instead" in assumptions[0]
     assert side(name, side="shear") == ({"SideShear"}, [])
     assert side(name, side="combined") == (SIDEWAYS, [])
-    assert said[0] in scenario(name, duration=0.2).drive().attrs["assumed"]
+    assert assumptions[0] in scenario(name, duration=0.2).drive().attrs["assumed"]
 
 
 def test_straight_drives_keep_the_logs_side_force_turns_do_not():
     assert side("flat") == ({"SideShear"}, [])
     assert side("flat", control="turn")[0] == side("flat", side="combined")[0] == SIDEWAYS
     angled = scenario("turn", angles="sinkage", form="gross").model
-    shear, traction = (next(one for one in angled.effects if type(one).__name__ == name)
+    shear, traction = (next(effect for effect in angled.effects if type(effect).__name__ == name)
                        for name in ("CombinedShear", "SoilTraction"))  # fmt: skip
     assert (shear.form, shear.angles) == (traction.form, traction.angles)
     with pytest.raises(ParameterError, match=r"side = 'shaer'.*did.*'shear'"):

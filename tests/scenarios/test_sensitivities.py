@@ -35,30 +35,34 @@ def drawn(seed):
     gains = ()
     if control in ("true", "eq9"):
         settings["control.S_d"], gains = float(rng.uniform(0.05, 0.3)), ("control.k_p", "control.k_i", "control.S_d")
-    known = {setting.name: setting.value for setting in settings_of(name, **settings)}
-    return name, settings, str(rng.choice([each for each in (*NUMBERS, *GROUNDS[name], *gains) if known.get(each)]))
+    defaults = {setting.name: setting.value for setting in settings_of(name, **settings)}
+    return (
+        name,
+        settings,
+        str(rng.choice([number for number in (*NUMBERS, *GROUNDS[name], *gains) if defaults.get(number)])),
+    )
 
 
 def shares(trace, slope, off):
     """The greatest of what a slope is off, by unit: over the greatest slope, or a hundredth of the greatest value."""
-    found = {}
+    errors_found = {}
     for unit in {trace.unit(channel) for channel in slope.channels}:
         channels = [channel for channel in slope.channels if trace.unit(channel) == unit]
-        moved, size, far = (
+        difference, size, distant = (
             max(float(np.nanmax(np.abs(rows[channel]))) for channel in channels)
             for rows in (slope.channels, trace, off)
         )
-        if moved:
-            found[unit] = far / max(moved, 1e-2 * size / abs(slope.value))
-    return found
+        if difference:
+            errors_found[unit] = distant / max(difference, 1e-2 * size / abs(slope.value))
+    return errors_found
 
 
 def judged(seed):
     """Return of a drawn drive the greatest share that its slope is off from the reference, and that it says."""
     name, settings, number = drawn(seed)
     trace, slopes = sensitivities(name, [number], **settings)
-    slope, asked = slopes[number], scenario(name, **settings)
-    course, h = course_of(asked, trace), 0.5 * WIDTH * abs(slope.value)
+    slope, case = slopes[number], scenario(name, **settings)
+    course, h = course_of(case, trace), 0.5 * WIDTH * abs(slope.value)
     around = {
         i: drive_along(scenario(name, **{**settings, number: slope.value + i * h}), course)
         for i in (*EIGHTH, *(-i for i in EIGHTH))
@@ -68,20 +72,21 @@ def judged(seed):
         - sum(weight * (around[i][channel] - around[-i][channel]) for i, weight in EIGHTH.items()) / h
         for channel in slope.channels
     }
-    said = shares(trace, slope, slope.errors)
-    return max(shares(trace, slope, off).values(), default=0.0), max(said.values(), default=0.0)
+    stated_shares = shares(trace, slope, slope.errors)
+    return max(shares(trace, slope, off).values(), default=0.0), max(stated_shares.values(), default=0.0)
 
 
 def agree(seeds, share=0.9):
     """Assert that slopes are right to NEAR where they say so, and no further off than they say elsewhere."""
-    off, said = np.array([judged(seed) for seed in seeds]).T
+    off, stated = np.array([judged(seed) for seed in seeds]).T
     print(
-        f"off: median {np.median(off):.1e}, most {off.max():.1e}; said: {np.median(said):.1e}; {(said < NEAR).mean()}"
+        f"off: median {np.median(off):.1e}, most {off.max():.1e}; said: {np.median(stated):.1e}; "
+        f"{(stated < NEAR).mean()}"
     )
     assert np.mean(off > 0.0) > 0.7, "numbers without an effect test nothing"
     smooth = [drawn(seed)[0] != "hills" for seed in seeds]  # whose wheels meet edges of cells all the time
-    assert np.mean(said[smooth] < NEAR) >= share
-    assert (off <= np.maximum(NEAR, 3.0 * said)).all()
+    assert np.mean(stated[smooth] < NEAR) >= share
+    assert (off <= np.maximum(NEAR, 3.0 * stated)).all()
 
 
 @pytest.mark.slow
@@ -111,13 +116,13 @@ def test_on_level_ground_a_start_moves_the_whole_drive():
 
 @pytest.mark.parametrize("tolerance", [1e-4, 3e-7])
 def test_a_drive_along_its_own_steps_is_the_same_to_the_bit(tolerance):
-    asked = scenario("step", form="net", duration=4.0)
-    asked = dataclasses.replace(asked, timing=dataclasses.replace(asked.timing, tolerance=tolerance))
-    trace = asked.drive()
-    course = course_of(asked, trace)
-    again = drive_along(asked, course)
+    case = scenario("step", form="net", duration=4.0)
+    case = dataclasses.replace(case, timing=dataclasses.replace(case.timing, tolerance=tolerance))
+    trace = case.drive()
+    course = course_of(case, trace)
+    again = drive_along(case, course)
     assert len(set(course.lengths)) > 1, "steps that never change test nothing"
-    assert (course.dt < 0.5 * asked.timing.dt) == (tolerance == 3e-7)
+    assert (course.dt < 0.5 * case.timing.dt) == (tolerance == 3e-7)
     assert all(np.array_equal(again[channel], trace[channel]) for channel in trace)
 
 

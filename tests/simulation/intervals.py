@@ -53,10 +53,10 @@ def _inverse(a):
 def _power(a, b):
     """Return a^b by exp(b log a), a >= 0; a whole constant b has every a."""
     if (b[0] == b[1]).all() and float(b[0][0]).is_integer() and b[0][0] >= 0.0:
-        whole = np.ones_like(a)
+        like = np.ones_like(a)
         for _ in range(int(b[0][0]) // 2):
-            whole = _times(whole, _square(a))
-        return _times(whole, a) if b[0][0] % 2 else np.maximum(whole, 0.0)
+            like = _times(like, _square(a))
+        return _times(like, a) if b[0][0] % 2 else np.maximum(like, 0.0)
     return np.maximum(hull(*(np.maximum(x, 0.0) ** y for x in a for y in b)), 0.0)
 
 
@@ -171,11 +171,11 @@ def evaluate(function, boxes):
         order = into if name == "LE" else None
         if name == "ADD" and None not in (pair := [orders[i] for i in into]) and pair[0] == pair[1][::-1]:
             result = np.maximum(result, 1.0)  # a <= b or b <= a: how CasADi differentiates fmax
-        held = np.clip(np.nan_to_num(result), -LARGEST, LARGEST)
+        clipped = np.clip(np.nan_to_num(result), -LARGEST, LARGEST)
         if name == "OUTPUT":
-            out[target[1]] = held
+            out[target[1]] = clipped
         else:
-            work[target[0]], orders[target[0]] = held, order
+            work[target[0]], orders[target[0]] = clipped, order
     return np.stack([out[place] for place in sorted(out)], axis=1), faults
 
 
@@ -188,7 +188,7 @@ def _undefined(name, of):
     if name == "TAN":
         wrong |= ~np.isfinite(_of_one(name, of[0])).all(axis=0)
     if name in ("POW", "CONSTPOW"):
-        whole = (of[1][0] == of[1][1]) & (of[1][0] == np.round(of[1][0]))
-        wrong |= np.where(whole, (of[1][0] < 0.0) & (of[0][0] <= 0.0) & (of[0][1] >= 0.0), of[0][0] < 0.0)
+        full = (of[1][0] == of[1][1]) & (of[1][0] == np.round(of[1][0]))
+        wrong |= np.where(full, (of[1][0] < 0.0) & (of[0][0] <= 0.0) & (of[0][1] >= 0.0), of[0][0] < 0.0)
         wrong |= (of[1][0] < 0.0) & (of[0][0] <= 0.0)
     return wrong

@@ -32,15 +32,15 @@ GRIPPY = Soil(k=0.004)
 
 
 def model(terrain, slip, traction=SoilTraction(), soil=GRIPPY, rover=ROVER):
-    made = Model(rover, terrain, (soil, HARD_GROUND), Motor(), slip, base_effects(soil, rover, traction))
-    return made.having(GearFriction(tau_c=0.02))
+    model_built = Model(rover, terrain, (soil, HARD_GROUND), Motor(), slip, base_effects(soil, rover, traction))
+    return model_built.having(GearFriction(tau_c=0.02))
 
 
 def narrow_in_front(rover):
     """The rover with front wheels of half the width."""
     front = max(mount.axle for mount in rover.wheels)
     narrow = rover.wheel.replace(b=rover.wheel.b / 2)
-    mounts = (dataclasses.replace(each, wheel=narrow) if each.axle == front else each for each in rover.wheels)
+    mounts = (dataclasses.replace(wheel, wheel=narrow) if wheel.axle == front else wheel for wheel in rover.wheels)
     return dataclasses.replace(rover, wheels=tuple(mounts))
 
 
@@ -92,15 +92,15 @@ def bent(state):
     bends = (("bogie_l", 0.7, 0.3), ("bogie_r", -0.7, 4.0), ("rocker_l", 0.4, 0.1), ("rocker_r", -0.4, -0.1))
     for joint, angle, rate in bends:
         place = ROVER.angles[joint]
-        dof = next(each.idx_v for each in list(ROVER.model.joints)[2:] if each.idx_q == place)
+        dof = next(joint.idx_v for joint in list(ROVER.model.joints)[2:] if joint.idx_q == place)
         state.q[place], state.v[dof] = angle, rate
     state.q[2] = 0.3
 
 
-def stirred(made, state):
+def stirred(example, state):
     """Every joint bent and turning, every shear another, and all but a wheel or two pressed into the ground."""
-    rng, held = np.random.default_rng(11), constraint_rows(ROVER)
-    free = np.eye(len(state.v)) - np.linalg.pinv(held) @ held
+    rng, rows = np.random.default_rng(11), constraint_rows(ROVER)
+    free = np.eye(len(state.v)) - np.linalg.pinv(rows) @ rows
     state.q[:] = pin.integrate(ROVER.model, state.q, free @ (0.005 * rng.normal(size=len(state.v))))
     state.v[:] = free @ (0.1 * rng.normal(size=len(state.v)))
     state.contact *= rng.uniform(0.8, 1.2, size=state.contact.shape)
@@ -108,7 +108,7 @@ def stirred(made, state):
     loads = np.zeros(6)
     while np.count_nonzero(loads > 0.0) < 4:
         state.q[2] -= 5e-4
-        probe = Kernel(made, state.copy(), 1e-6, symmetric=False)
+        probe = Kernel(example, state.copy(), 1e-6, symmetric=False)
         assert probe.step() == 0
         loads = probe.record[:, RECORD.index("normal")]
     return state

@@ -66,22 +66,22 @@ def log_uniform(rng, low, high):
     return float(math.exp(rng.uniform(math.log(low), math.log(high))))
 
 
-def number(rng, default, about):
+def number(rng, default, changes):
     """A number of a quantity: near its default, or from anywhere in its range."""
-    low, high = max(about.low, -1e9), min(about.high, 1e9)
+    low, high = max(changes.low, -1e9), min(changes.high, 1e9)
     if rng.random() < WIDE:
         if low == 0.0:
             return high * log_uniform(rng, SMALLEST, 1.0)
         return log_uniform(rng, low, high) if low > 0.0 else float(rng.uniform(low, high))
-    near = default * log_uniform(rng, 0.25, 4.0) if default else rng.uniform(-0.1, 0.1) * min(1.0, high)
-    return float(min(high, max(low, near)))
+    close = default * log_uniform(rng, 0.25, 4.0) if default else rng.uniform(-0.1, 0.1) * min(1.0, high)
+    return float(min(high, max(low, close)))
 
 
 def drawn(rng, record):
     """A record with every number drawn; what names a wheel or a place stays, and the exponent with which u fades."""
     named = {
-        name: number(rng, float(getattr(record, name)), about)
-        for name, about in quantities(record).items()
+        name: number(rng, float(getattr(record, name)), quantity)
+        for name, quantity in quantities(record).items()
         if name != "q"
     }
     return record.replace(**named)
@@ -140,7 +140,8 @@ def wheels_of(rng, rover):
     """The rover with other wheels, by up to a tenth: its legs stay as they are."""
     size = float(rng.uniform(0.9, 1.1))
     mounts = (
-        dataclasses.replace(each, wheel=Wheel(r=each.wheel.r * size, b=each.wheel.b * size)) for each in rover.wheels
+        dataclasses.replace(wheel, wheel=Wheel(r=wheel.wheel.r * size, b=wheel.wheel.b * size))
+        for wheel in rover.wheels
     )
     return dataclasses.replace(rover, wheels=tuple(mounts))
 
@@ -153,7 +154,7 @@ def controller(rng, model):
     if kind == 1:
         rate = float(rng.uniform(0.5, 6.0))
         return lambda reading: delta * math.sin(rate * reading.t)
-    if kind == 2 and any(each.steer_dof is not None for each in model.rover.wheels):
+    if kind == 2 and any(wheel.steer_dof is not None for wheel in model.rover.wheels):
         return Turn.of(model.rover, radius=float(rng.choice([0.0, rng.uniform(0.6, 3.0)])), delta=delta)
     gains = Gains(k_p=float(rng.uniform(0.0, 1.0)), k_i=float(rng.uniform(0.0, 2.0)))
     return SlipControl(gains, TrueSlip(), TorqueLimit.saturation(model))
@@ -162,8 +163,8 @@ def controller(rng, model):
 def drive(seed):
     """Return a drive: rover, wheels, load, terrain, soils, motor, effects, gravity, controller and start."""
     rng = np.random.default_rng(seed)
-    slip, form, angles, further = STRUCTURES[rng.integers(len(STRUCTURES))]
-    rover = wheels_of(rng, load_rover("nexus6" if PivotFriction in further else ("nexus6", "cart")[rng.integers(2)]))
+    slip, form, angles, more = STRUCTURES[rng.integers(len(STRUCTURES))]
+    rover = wheels_of(rng, load_rover("nexus6" if PivotFriction in more else ("nexus6", "cart")[rng.integers(2)]))
     rover = rover.carrying(float(rover.mass * rng.uniform(0.0, 3.0))) if rng.random() < 0.3 else rover
     ground, hard = soil(rng), soil(rng)
     resistance = () if form is NetTraction else (drawn(rng, MotionResistance()),)
@@ -172,7 +173,9 @@ def drive(seed):
         rover, terrain(rng), (ground, hard), drawn(rng, Motor()), drawn(rng, slip()), effects,
         gravity=log_uniform(rng, 0.05, 50.0),
     )  # fmt: skip
-    for kind in further:
+    for kind in more:
         model = model.having(drawn(rng, kind()))
-    start = Start(*(float(each) for each in (rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2), rng.uniform(-3.1, 3.1))))
+    start = Start(
+        *(float(coordinate) for coordinate in (rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2), rng.uniform(-3.1, 3.1)))
+    )
     return RandomDrive(model, controller(rng, model), start)

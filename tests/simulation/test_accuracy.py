@@ -76,17 +76,17 @@ def x_at(case, dt):
 def test_x_is_within_the_stated_distance_of_finer_steps(name):
     """Slip that does not lag asks for a finer step, which is found by measuring."""
     case, lags = DITCHES[name], name != "without a lag of slip"
-    exact, own = x_at(case, DT / 32), case.drive()
-    assert own["body_x"] == pytest.approx(exact, abs=own.attrs["step_error_m"])
-    assert own.attrs["step_error_m"] < TOLERANCE
+    exact, driven = x_at(case, DT / 32), case.drive()
+    assert driven["body_x"] == pytest.approx(exact, abs=driven.attrs["step_error_m"])
+    assert driven.attrs["step_error_m"] < TOLERANCE
     assert x_at(case, DT) == pytest.approx(exact, abs=0.6 * TOLERANCE if lags else 1.1 * TOLERANCE)
 
 
 def test_rows_and_readings_are_of_their_instant():
     """Under slip control a lag by a step moves x by 0.14 mm, and the loads by 6e-5."""
-    made = scenario("ditch", control="true", duration=8.0, dt=0.005)
-    finer = dataclasses.replace(made, timing=dataclasses.replace(made.timing, divided=16))
-    coarse, fine = (each.drive(measure_error=False) for each in (made, finer))
+    case = scenario("ditch", control="true", duration=8.0, dt=0.005)
+    finer = dataclasses.replace(case, timing=dataclasses.replace(case.timing, divided=16))
+    coarse, fine = (trace.drive(measure_error=False) for trace in (case, finer))
     assert coarse["body_x"] == pytest.approx(fine["body_x"], abs=1e-5)
     for name, share in {"normal": 1e-3, "tangential": 1e-2, "slip": 1e-2, "current": 1e-2, "travel": 1e-2}.items():
         assert coarse.stack(name) == pytest.approx(fine.stack(name), abs=share * np.ptp(fine.stack(name))), name

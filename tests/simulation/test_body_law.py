@@ -59,21 +59,21 @@ class Seen:
     angles: np.ndarray
     rates: np.ndarray
 
-    def body(self, known):
+    def body(self, known_values):
         yaw, pitch, roll = self.turn.as_euler("ZYX")
         velocity, spin = self.turn.apply(self.speed[:3]), self.turn.apply(self.speed[3:])
-        twist, rate = (each[0] + each[2] for each in (self.angles, self.rates))
+        twist, rate = (half[0] + half[2] for half in (self.angles, self.rates))
         return Body(
-            *self.place, roll, pitch, yaw, *velocity, *spin, tuple(self.angles), tuple(self.rates), tuple(known),
+            *self.place, roll, pitch, yaw, *velocity, *spin, tuple(self.angles), tuple(self.rates), tuple(known_values),
             twist, rate, JOINTS.names,
         )  # fmt: skip
 
-    def force(self, known):
+    def force(self, known_values):
         """Return the generalised force, last the differential's torque, which both rockers feel."""
-        pushes = [effect.push(self.body(known)) for effect in EFFECTS]
+        pushes = [effect.push(self.body(known_values)) for effect in EFFECTS]
         turn, torques = self.turn.inv(), np.array(pushes[0].joints)
         torques[[0, 2]] += pushes[0].differential
-        force, moment = (np.sum([each[part] for each in pushes], axis=0) for part in (slice(0, 3), slice(3, 6)))
+        force, moment = (np.sum([half[part] for half in pushes], axis=0) for part in (slice(0, 3), slice(3, 6)))
         return np.r_[turn.apply(force), turn.apply(moment), torques, pushes[0].differential]
 
     def moved(self, speeds, time):
@@ -91,14 +91,14 @@ class Seen:
 
 
 @pytest.fixture(params=range(3))
-def seen(request):
+def recorder(request):
     random = np.random.default_rng(request.param)
     turn = Rotation.from_euler("ZYX", [[2.5, 0.9, -1.2], [-0.4, -1.1, 0.3], [1.0, 0.2, 2.8]][request.param])
     return Seen(*random.normal(size=(1, 3)), turn, *random.normal(size=(1, 6)), *random.normal(size=(2, 3)))
 
 
-def split(seen, half):
-    out = np.array(body_law(EFFECTS, JOINTS)(seen.vector(half), [], [])).ravel()
+def split(truth, half):
+    out = np.array(body_law(EFFECTS, JOINTS)(truth.vector(half), [], [])).ravel()
     assert len(out) == M + M * M + 1 + M
     force, slope, torque, torque_slope = np.split(out, np.cumsum([M, M * M, 1]))
     return np.r_[force, torque], np.vstack([slope.reshape((M, M), order="F"), torque_slope])
@@ -108,22 +108,22 @@ def difference(function, step=1e-5):
     return np.column_stack([(function(step * e) - function(-step * e)) / (2 * step) for e in np.eye(M)])
 
 
-def test_force_is_the_push_of_the_effects_in_base_axes(seen):
-    force, slope = split(seen, 0.0)
-    np.testing.assert_allclose(force, seen.force(seen.rates), rtol=1e-9, atol=1e-9)
-    by_speed = difference(lambda by: seen.faster(by).force(seen.rates))
+def test_force_is_the_push_of_the_effects_in_base_axes(recorder):
+    force, slope = split(recorder, 0.0)
+    np.testing.assert_allclose(force, recorder.force(recorder.rates), rtol=1e-9, atol=1e-9)
+    by_speed = difference(lambda by: recorder.faster(by).force(recorder.rates))
     np.testing.assert_allclose(slope, by_speed, rtol=1e-6, atol=1e-7)
 
 
 @pytest.mark.parametrize("half", [0.01, 0.25])
-def test_what_moves_within_the_step_is_taken_to_its_end(seen, half):
+def test_what_moves_within_the_step_is_taken_to_its_end(recorder, half):
     """F + h dF/dq q' and dF/du + h dF/dq dq'/du, by differences; rates that are known are not differentiated."""
-    force, slope = split(seen, half)
-    here, known = seen.force(seen.rates), seen.rates
-    drift = difference(lambda by: seen.moved(by, 1.0).force(known))
-    by_speed = difference(lambda by: seen.faster(by).force(known))
-    speeds = np.r_[seen.speed, seen.rates]
-    np.testing.assert_allclose(force, here + half * drift @ speeds, rtol=1e-6, atol=1e-6)
+    force, slope = split(recorder, half)
+    force_now, rates = recorder.force(recorder.rates), recorder.rates
+    drift = difference(lambda by: recorder.moved(by, 1.0).force(rates))
+    by_speed = difference(lambda by: recorder.faster(by).force(rates))
+    speeds = np.r_[recorder.speed, recorder.rates]
+    np.testing.assert_allclose(force, force_now + half * drift @ speeds, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(slope, by_speed + half * drift, rtol=1e-6, atol=1e-6)
 
 
@@ -131,5 +131,5 @@ def test_what_moves_within_the_step_is_taken_to_its_end(seen, half):
 def test_an_attitude_on_edge_is_no_nan(way):
     """Round-off beyond sin(pitch) = 1; a quaternion whose square is a little more than 1."""
     on_edge = np.r_[np.zeros(3), np.array([0.0, way, 0.0, 1.0]) * np.sqrt(0.5) * (1.0 + 1e-9), np.zeros(3)]
-    held = elastic_energy((Everything(),), JOINTS)(on_edge[:7], [0.0, 2.0, 0.0])
-    assert float(held) == pytest.approx(way * np.pi)
+    energy = elastic_energy((Everything(),), JOINTS)(on_edge[:7], [0.0, 2.0, 0.0])
+    assert float(energy) == pytest.approx(way * np.pi)

@@ -35,13 +35,13 @@ def asked(controller):
 def test_a_drive_in_three_parts_is_the_drive_in_one(control):
     case, model = case_of("ditch", control="true" if control == "asked" else control)
     controller, timing = asked(case.controller) if control == "asked" else case.controller, Timing(tolerance=1e-3)
-    whole = simulate(model, controller, 8.0, case.start, timing, symmetric=case.symmetric)
+    trace = simulate(model, controller, 8.0, case.start, timing, symmetric=case.symmetric)
     parts = [simulate(model, controller, 5.0, case.start, timing, symmetric=case.symmetric)]
     for duration in (0.05, 2.95):
         parts.append(simulate(model, controller, duration, parts[-1].end, timing, symmetric=case.symmetric))
-    for channel in whole.channels:
+    for channel in trace.channels:
         joined = np.concatenate([part[channel] for part in parts])
-        assert np.array_equal(joined, whole[channel], equal_nan=True), channel
+        assert np.array_equal(joined, trace[channel], equal_nan=True), channel
 
 
 def test_what_cannot_go_on_is_told():

@@ -45,21 +45,21 @@ def swept():
 
 def both(case, timing):
     """The same drive by the compiled loop and by the plain one, both over the compiled step."""
-    ran = []
+    traces = []
     for run in (run_compiled, run_plain):
         state = settled_state(case.model, case.start)
         begun = case.model.begin_at(float(state.q[0]), float(state.q[1]))
         if hasattr(case.controller, "reset"):
             case.controller.reset()
         kernel, times = Kernel(begun, state, timing.dt, symmetric=False), []
-        ran.append(
+        traces.append(
             (
                 run(RunningDrive(begun, state, kernel, case.controller, timing), case.duration, times.append),
                 times,
                 state,
             )
         )
-    return ran
+    return traces
 
 
 @pytest.mark.parametrize("name", [*CASES, "parts of parts"])
@@ -77,9 +77,9 @@ def test_both_loops_drive_alike(name, monkeypatch):
     assert state.t == plain_state.t
 
 
-def plain_replay(model, run, nudge, rest, step=Kernel):
+def plain_replay(model, run, nudge, rest_state, step=Kernel):
     """A replay row after row in Python, as `replay` says it is done; return the rows."""
-    state = taken_over(model, rest)
+    state = taken_over(model, rest_state)
     model = model.begin_at(run.start.x, run.start.y)
     kernel = step(model, state, DT, symmetric=False)
     q_of = {joint.idx_v: joint.idx_q for joint in model.rover.model.joints}
@@ -87,7 +87,7 @@ def plain_replay(model, run, nudge, rest, step=Kernel):
     gives, rates = np.zeros(len(servos)), np.zeros(len(model.rover.wheels))
     if run.rate_driven:
         kernel.hold(rates)
-    pace, moved = Pace(kernel, DT, replays.ROUGH), np.zeros(3)
+    pace, values = Pace(kernel, DT, replays.ROUGH), np.zeros(3)
     rows = np.zeros(len(run.t), dtype=row_type(model))
     if not run.rate_driven:
         down, soils = kernel.gravity.copy(), kernel.soils.copy()
@@ -112,27 +112,27 @@ def plain_replay(model, run, nudge, rest, step=Kernel):
                 rates[:] = before + (part + 1) / count * (run.rate[row] - before)
             assert pace.advance(part == 0) == 0
         assert failure(model, state, kernel.record) is None
-        rows[row]["q"], rows[row]["v"], rows[row]["moved"] = state.q, state.v, moved
+        rows[row]["q"], rows[row]["v"], rows[row]["moved"] = state.q, state.v, values
         rows[row]["record"] = kernel.record
         if not run.rate_driven:
             rows[row]["record"][:, MOTORS] = record_of_instant(kernel)[0][:, MOTORS]
         rows[row]["attitude"] = roll_pitch_yaw(state.q)
         rows[row]["velocity"] = base_rotation(state.q) @ state.v[:3]
-        draw(state.q, run.place[row], run.period / replays.HOLD, moved)
+        draw(state.q, run.place[row], run.period / replays.HOLD, values)
     return rows
 
 
-def draw(q, place, share, moved):
+def draw(q, place, share, shift):
     if np.all(np.isfinite(place[:2])):
         step = share * (place[:2] - q[:2])
         q[:2] += step
-        moved[:2] += step
+        shift[:2] += step
     if math.isfinite(place[2]):
         turn = share * math.remainder(place[2] - roll_pitch_yaw(q)[2], 2 * math.pi)
         c, s = math.cos(turn / 2), math.sin(turn / 2)
         x, y, z, w = q[3:7]
         q[3:7] = c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z
-        moved[2] += turn
+        shift[2] += turn
 
 
 def logged(name, duration=3.0):
@@ -152,9 +152,9 @@ def test_a_replay_is_the_plain_one(kind):
     if kind == "nudged":
         wave = np.sin(np.arange(n))
         nudge = replays.Perturbation(0.02 * np.outer(wave, np.ones(6)), 2.0 * wave, 0.1 * wave)
-    rest = shared_rest(case.model, run.start)
-    ours = replays.replay(case.model, run, nudge, rest)
-    theirs = replays._channels(case.model, run, plain_replay(case.model, run, nudge, rest))
+    rest_state = shared_rest(case.model, run.start)
+    ours = replays.replay(case.model, run, nudge, rest_state)
+    theirs = replays._channels(case.model, run, plain_replay(case.model, run, nudge, rest_state))
     assert ours.stop == ""
     for channel, values in theirs.items():
         assert ours.channels[channel] == pytest.approx(values, rel=1e-9, abs=1e-11), channel
@@ -173,9 +173,9 @@ def test_a_replay_held_to_wheel_rates_is_the_plain_one(step):
     run = held(run, case.drive(), case.model)
     run.rate[:, 0] *= 1.03
     run.place[:, 0] += 0.01
-    rest = shared_rest(case.model, run.start)
-    ours = replays.replay(case.model, run, rest_state=rest)
-    theirs = replays._channels(case.model, run, plain_replay(case.model, run, replays.Perturbation(), rest, step))
+    rest_state = shared_rest(case.model, run.start)
+    ours = replays.replay(case.model, run, rest_state=rest_state)
+    theirs = replays._channels(case.model, run, plain_replay(case.model, run, replays.Perturbation(), rest_state, step))
     assert ours.stop == ""
     for channel, values in theirs.items():
         assert ours.channels[channel] == pytest.approx(values, rel=2e-6, abs=1e-7), channel
@@ -215,15 +215,15 @@ def test_what_holds_the_wheels_enters_the_balance_of_energy():
 def test_last_good_row_fills_the_rest_after_an_early_end():
     case, run = logged("ditch", 9.0)
     buried = scenario("ditch", soil="table-1", buried=0.21).model
-    ended = replays.replay(buried, run, rest_state=shared_rest(case.model, run.start))
-    assert ended.stop.startswith("buried: ")
-    whole = replays.replay(case.model, run, rest_state=shared_rest(case.model, run.start))
-    x = ended.channels["body_x"]
+    replay = replays.replay(buried, run, rest_state=shared_rest(case.model, run.start))
+    assert replay.stop.startswith("buried: ")
+    whole_replay = replays.replay(case.model, run, rest_state=shared_rest(case.model, run.start))
+    x = replay.channels["body_x"]
     last = int(np.flatnonzero(np.diff(x))[-1]) + 1
     assert 0 < last < len(x) - 1
-    assert np.array_equal(x[: last + 1], whole.channels["body_x"][: last + 1])
+    assert np.array_equal(x[: last + 1], whole_replay.channels["body_x"][: last + 1])
     assert np.all(x[last:] == x[last])
-    sunk = np.max([whole.channels[f"sinkage_{wheel.name}"] for wheel in buried.rover.wheels], axis=0)
+    sunk = np.max([whole_replay.channels[f"sinkage_{wheel.name}"] for wheel in buried.rover.wheels], axis=0)
     looked = np.flatnonzero(sunk > 0.21 * 0.045)
     assert last == looked[looked % 10 == 0][0] - 1, "of every tenth row, which are looked at, it failed the next"
 
@@ -276,6 +276,6 @@ def test_commands_of_another_rover_are_asked_for(duty, steer, servos, fits):
 
 
 def test_a_compiled_drive_tells_how_far_it_is_every_fifty_rows():
-    told = []
-    simulate(MODEL, ConstantDuty(0.3), 0.6, timing=Timing(0.005, 0.005, 0.005), progress=told.append)
-    assert told == pytest.approx([0.25, 0.5])
+    progress = []
+    simulate(MODEL, ConstantDuty(0.3), 0.6, timing=Timing(0.005, 0.005, 0.005), progress=progress.append)
+    assert progress == pytest.approx([0.25, 0.5])

@@ -31,9 +31,9 @@ def rover_file(tmp_path):
 
 def test_the_rule_for_the_soil_gives_nexus_6_its_own():
     """Table 1's k_1 was assumed by that rule; 3e-3 is the round 5.8 kg, 9.81 and the angle of the load."""
-    soil, told = own_soil(dataclasses.replace(NEXUS6, soil={}))
+    soil, source = own_soil(dataclasses.replace(NEXUS6, soil={}))
     assert float(soil.k_1) == pytest.approx(float(SOILS["table-1"].k_1), rel=1e-4)
-    assert re.search("table-1 with k = 50 mm.*k_1 = 5.42e\\+04 Pa", told[0])
+    assert re.search("table-1 with k = 50 mm.*k_1 = 5.42e\\+04 Pa", source[0])
 
 
 @pytest.mark.parametrize("rover", ["nexus6", "nexus6_links", "cart"])
@@ -52,11 +52,11 @@ def test_on_slope_sand_rovers_slip_as_measured_wheels_do(rover):
 def test_the_sized_motor_turns_on_the_spot(rover_file):
     """Axles at 0.5, -0.05 and -0.55 m, sides 0.8 m apart: thrusts turn it against what is dragged sideways."""
     rover = load_rover(rover_file)
-    motor, (told,) = own_motor(rover)
+    motor, (assumption,) = own_motor(rover)
     load = rover.mass * 9.81 / 6
     moment = 2 * math.tan(float(SLOPE_SAND.phi)) * load * (0.5333 + 0.0167 + 0.5167)
     assert 6 * 0.55 * float(motor.stall_torque) / 0.15 * 0.4 == pytest.approx(moment, rel=1e-3)
-    assert f"turn {rover.mass:.3g} kg on the spot" in told
+    assert f"turn {rover.mass:.3g} kg on the spot" in assumption
     speeds = [0.15 * float(motor.no_load_rate) / math.sqrt(0.15), 0.05 / 0.55 / math.sqrt(0.045)]
     assert speeds[0] == pytest.approx(speeds[1])
 
@@ -106,7 +106,9 @@ def larger(text: str, size: float) -> str:
     """The URDF of a rover whose lengths are `size` times as large, at one density."""
 
     def times(power):
-        return lambda found: found[1] + " ".join(repr(float(each) * size**power) for each in found[2].split()) + '"'
+        return lambda expected: (
+            expected[1] + " ".join(repr(float(word) * size**power) for word in expected[2].split()) + '"'
+        )
 
     text = re.sub(r'((?:xyz|radius|length)=")([^"]*)"', times(1), re.sub(r"<axis[^>]*>", "@", text))
     text = text.replace("@", '<axis xyz="0 1 0"/>')
@@ -148,8 +150,8 @@ def test_terrains_grow_with_the_wheels_but_for_what_is_asked():
     assert scale_arguments(shapes.ditch, {}, 0.9)["depth"] == pytest.approx(0.9 * 0.05)
     assert scale_arguments(shapes.growing_slope, {}, 2.0)["rate"] == pytest.approx(math.radians(5.0))
     assert scale_arguments(shapes.rocks, {}, 2.0)["diameters"] == (0.1, 0.2)
-    whole, half = paper_field(**scale_arguments(paper_field, {}, 2.0)), paper_field()
-    for large, small in zip(whole.profiles, half.profiles, strict=True):
+    field, half = paper_field(**scale_arguments(paper_field, {}, 2.0)), paper_field()
+    for large, small in zip(field.profiles, half.profiles, strict=True):
         assert large.x[1:-1] == pytest.approx(2.0 * small.x[1:-1])
         assert large.z[1:-1] == pytest.approx(2.0 * small.z[1:-1])
 
@@ -180,5 +182,5 @@ def test_a_sprung_rover_settles_where_its_springs_balance(tmp_path):
     trace = scenario("flat", rover=str(path), duration=1.0, **{"control.delta": 0.0}).drive()
     loads = np.array([trace[f"normal_{wheel}"][-1] for wheel in trace.wheels])
     assert loads.sum() == pytest.approx(model.rover.mass * 9.81, rel=0.01)
-    found = wheel_loads(model.rover, 0.0)
-    assert loads == pytest.approx(found, rel=0.08)
+    loads_value = wheel_loads(model.rover, 0.0)
+    assert loads == pytest.approx(loads_value, rel=0.08)

@@ -34,8 +34,8 @@ def test_effect_of_one_wheel_accepts_the_wheel_name_or_number():
 def test_every_effect_can_be_said_and_read_back(kind):
     effect = reading_traction(kind(), MODEL.all_effects)
     halfway = {
-        name: 0.5 * (float(getattr(effect, name)) + (about.high if math.isfinite(about.high) else 1.0))
-        for name, about in quantities(effect).items()
+        name: 0.5 * (float(getattr(effect, name)) + (quantity.high if math.isfinite(quantity.high) else 1.0))
+        for name, quantity in quantities(effect).items()
     }
     changed = effect.replace(**halfway)
     assert effect_of(word_of(changed), MODEL) == changed
@@ -94,8 +94,8 @@ def test_a_word_is_also_an_effect_of_a_file_that_is_trusted(tmp_path):
     (tmp_path / "control.py").write_text("def controller(model):\n    return lambda reading: 0.5\n")
     trust = Trust.of([tmp_path / "control.py", tmp_path / "drag.py"])
     model = having(MODEL, ["Drag.share=0.1", "PostPeak", "Drag.share=0.2"], trust)
-    (own,) = [effect for effect in model.all_effects if type(effect).__name__ == "Drag"]
-    assert own.share == 0.2
+    (all_effect,) = [effect for effect in model.all_effects if type(effect).__name__ == "Drag"]
+    assert all_effect.share == 0.2
     assert model.effect(PostPeak) == PostPeak()
     with pytest.raises(ParameterError, match="needs --effects FILE"):
         having(MODEL, "Drag")

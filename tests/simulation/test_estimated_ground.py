@@ -21,21 +21,30 @@ def drive(seconds=12.0, reach=1.0, without=()):
     """A winding drive at 10 Hz over waves, whose channels were all measured, with gaps, at a tracker's own zero."""
     random, t = np.random.default_rng(4), 3.0 + 0.1 * np.arange(round(10 * seconds))
     x, y = reach * 0.1 * (t - 3.0), reach * 0.3 * np.sin(0.5 * t)
-    made = {"body_x": x + 2.0, "body_y": y - 1.0, "body_yaw": 0.3 * np.cos(0.5 * t) + 0.05 * random.normal(size=len(t))}
-    made |= {"body_pitch": 0.2 * np.sin(3.0 * x) + 0.02 * random.normal(size=len(t)), "body_roll": 0.1 * np.cos(x + y)}
-    made |= {"body_z": 7.0 + 0.05 * np.sin(2.0 * x) + 0.01 * random.normal(size=len(t))}
-    made["body_pitch"][60:66] = made["body_z"][30:36] = made["body_yaw"][81:84] = made["body_x"][90:95] = np.nan
-    made["body_pitch"][:5] = 1.2  # steeper than any rover stands
-    return Trace({"t_s": t, **{name: row for name, row in made.items() if name not in without}}, {}, {})
+    channels = {
+        "body_x": x + 2.0,
+        "body_y": y - 1.0,
+        "body_yaw": 0.3 * np.cos(0.5 * t) + 0.05 * random.normal(size=len(t)),
+    }
+    channels |= {
+        "body_pitch": 0.2 * np.sin(3.0 * x) + 0.02 * random.normal(size=len(t)),
+        "body_roll": 0.1 * np.cos(x + y),
+    }
+    channels |= {"body_z": 7.0 + 0.05 * np.sin(2.0 * x) + 0.01 * random.normal(size=len(t))}
+    channels["body_pitch"][60:66] = channels["body_z"][30:36] = channels["body_yaw"][81:84] = channels["body_x"][
+        90:95
+    ] = np.nan
+    channels["body_pitch"][:5] = 1.2  # steeper than any rover stands
+    return Trace({"t_s": t, **{name: row for name, row in channels.items() if name not in without}}, {}, {})
 
 
 def halves(run):
     """Means of half seconds in which x, y and yaw are known, of the rows in which they are."""
     place = np.array([run[f"body_{name}"] for name in ("x", "y", "yaw")])
-    known = np.isfinite(place).all(axis=0)
-    group = np.floor((run.t - run.t[0] + 1e-5) / 0.5)[known]
+    is_known = np.isfinite(place).all(axis=0)
+    group = np.floor((run.t - run.t[0] + 1e-5) / 0.5)[is_known]
     return {
-        name: np.array([run[name][known][group == one].mean() for one in np.unique(group)])
+        name: np.array([run[name][is_known][group == value].mean() for value in np.unique(group)])
         for name in run if name.startswith("body_")
     }  # fmt: skip
 
@@ -76,8 +85,10 @@ def test_no_change_of_its_heights_makes_the_sum_less(without):
     run = drive(without=without)
     ground, random = estimate_surface(run, CART), np.random.default_rng(0)
     z = np.array(ground.z)
-    near = np.exp(-((np.arange(z.shape[0])[:, None] - z.shape[0] / 2) ** 2 + (np.arange(z.shape[1]) - 5.0) ** 2) / 8.0)
-    for change in (*random.normal(size=(8, *z.shape)), near, np.eye(*z.shape), np.add.outer(np.arange(len(z)), z[0])):
+    values = np.exp(
+        -((np.arange(z.shape[0])[:, None] - z.shape[0] / 2) ** 2 + (np.arange(z.shape[1]) - 5.0) ** 2) / 8.0
+    )
+    for change in (*random.normal(size=(8, *z.shape)), values, np.eye(*z.shape), np.add.outer(np.arange(len(z)), z[0])):
         ends = [sum_of_squares(ground, run, z + step * change) for step in (0.01, -0.01)]
         least = sum_of_squares(ground, run, z)
         curvature = 0.5 * (ends[0] + ends[1]) - least
@@ -98,10 +109,10 @@ def test_a_turn_in_place_has_a_ground_too():
 def test_a_plank_lies_on_a_plane_as_the_plane_does(slope):
     """Along its way up it is nose up, which is a negative pitch; across it its right or left side is up."""
     ground, yaw = incline(slope, -50.0), np.array([0.0, math.pi, 0.5 * math.pi, -0.5 * math.pi])
-    found = level_on(ground, CART, np.column_stack([np.arange(4.0), 0.3 * np.ones(4), yaw]))
-    np.testing.assert_allclose(found["body_pitch"], [-slope, slope, 0.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(found["body_roll"], [0.0, 0.0, -slope, slope], atol=1e-9)
-    np.testing.assert_allclose(np.diff(found["body_z"]), np.tan(slope), atol=1e-9)
+    poses = level_on(ground, CART, np.column_stack([np.arange(4.0), 0.3 * np.ones(4), yaw]))
+    np.testing.assert_allclose(poses["body_pitch"], [-slope, slope, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(poses["body_roll"], [0.0, 0.0, -slope, slope], atol=1e-9)
+    np.testing.assert_allclose(np.diff(poses["body_z"]), np.tan(slope), atol=1e-9)
 
 
 @pytest.mark.parametrize("lost", ["body_x", "body_y", "body_yaw"])
@@ -111,9 +122,10 @@ def test_declared_plane_begins_where_place_and_heading_are_known(lost):
     channels = {name: np.array(run[name]) for name in run}
     channels[lost][:20] = np.nan
     late = dataclasses.replace(run, channels={name: row[20:] for name, row in channels.items()})
-    found, same = (
-        run_terrain({"slope": 0.1}, each, CART, "") for each in (dataclasses.replace(run, channels=channels), late)
+    ground_early, ground_late = (
+        run_terrain({"slope": 0.1}, run_part, CART, "")
+        for run_part in (dataclasses.replace(run, channels=channels), late)
     )
-    assert (found.x0, found.y0, found.dx) == (same.x0, same.y0, same.dx)
-    np.testing.assert_array_equal(found.z, same.z)
-    assert np.isfinite(found.z).all()
+    assert (ground_early.x0, ground_early.y0, ground_early.dx) == (ground_late.x0, ground_late.y0, ground_late.dx)
+    np.testing.assert_array_equal(ground_early.z, ground_late.z)
+    assert np.isfinite(ground_early.z).all()

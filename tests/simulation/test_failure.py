@@ -81,10 +81,10 @@ def test_the_compiled_loop_looks_at_every_wheel(roll, pitch):
         height -= 0.003
     deepest, r = int(np.argmax(sunk)), float(ROVER.wheels[0].wheel.r)
     for depth, outcome in ((0.49, LoopStatus.DONE), (0.51, LoopStatus.FAILS)):
-        found, row = compiled(q, v, height + sunk[deepest] - depth * r)
+        has_failed, row = compiled(q, v, height + sunk[deepest] - depth * r)
         assert row["record"][deepest, at] == pytest.approx(depth * r, rel=0.01)
         assert np.delete(row["record"][:, at], deepest).max() < 0.45 * r
-        assert found is outcome
+        assert has_failed is outcome
 
 
 def test_a_joint_may_go_10_deg_past_its_stop():

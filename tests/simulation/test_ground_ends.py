@@ -10,16 +10,18 @@ from rover_pin.terrain.terrain import Lanes, Profile
 @pytest.mark.parametrize("x", [-9e5, -1500.0, 1000.9, 1001.5, 9e5])
 def test_level_ground_has_no_end(x):
     """It ended a kilometre beyond its last point: "tips or sinks there"."""
-    there, here = (scenario("flat", rover="cart", **{"start.x": at, "duration": 2.0}).drive() for at in (x, 5.0))
-    assert there["body_x"][-1] - x == pytest.approx(here["body_x"][-1] - 5.0, abs=1e-6)
-    assert there["body_z"][-1] == pytest.approx(here["body_z"][-1], abs=1e-6)
+    there, at_point = (scenario("flat", rover="cart", **{"start.x": at, "duration": 2.0}).drive() for at in (x, 5.0))
+    assert there["body_x"][-1] - x == pytest.approx(at_point["body_x"][-1] - 5.0, abs=1e-6)
+    assert there["body_z"][-1] == pytest.approx(at_point["body_z"][-1], abs=1e-6)
 
 
 def test_a_drive_goes_on_across_the_extra_points():
     """They are in line with the piece, so that nothing changes there."""
-    across, here = (scenario("flat", rover="cart", **{"start.x": at, "duration": 8.0}).drive() for at in (1000.7, 5.0))
+    across, at_point = (
+        scenario("flat", rover="cart", **{"start.x": at, "duration": 8.0}).drive() for at in (1000.7, 5.0)
+    )
     assert across["body_x"][-1] > 1001.0
-    assert np.ptp(across["body_z"]) == pytest.approx(np.ptp(here["body_z"]), abs=1e-7)
+    assert np.ptp(across["body_z"]) == pytest.approx(np.ptp(at_point["body_z"]), abs=1e-7)
 
 
 def test_a_slope_goes_on_with_its_slope():

@@ -41,7 +41,7 @@ def twin(model):
         physics.World(
             str(URDF),
             physics.Motor(motor.supply, motor.resistance, motor.constant, motor.armature),
-            physics.Ground([(each.x, each.z) for each in terrain.profiles], terrain.borders),
+            physics.Ground([(profile.x, profile.z) for profile in terrain.profiles], terrain.borders),
             physics.soils.Soil(**soil),
             resistance=float(model.effect(MotionResistance).R),
             gravity=model.gravity,
@@ -49,9 +49,9 @@ def twin(model):
     )
 
 
-def converted(other, model, state):
+def converted(second, model, state):
     """Return a state of the package as the other simulator's vector."""
-    joints = [model.rover.model.joints[model.rover.model.getJointId(name)] for name in other.tree.names]
+    joints = [model.rover.model.joints[model.rover.model.getJointId(name)] for name in second.tree.names]
     angles = [
         state.q[at.idx_q] if at.nq == 1 else np.arctan2(state.q[at.idx_q + 1], state.q[at.idx_q]) for at in joints
     ]
@@ -61,9 +61,9 @@ def converted(other, model, state):
 
 def both(model, command, duration, start=Start()):
     """Drive both from the package's rest."""
-    other, state = twin(model), settled_state(model, start)
+    independent, state = twin(model), settled_state(model, start)
     theirs = simulate(model, lambda reading: Command(*command(reading.t)), duration, state.copy(), FINE)
-    return drive.drive(other, converted(other, model, state), command, duration, STEP), theirs
+    return drive.drive(independent, converted(independent, model, state), command, duration, STEP), theirs
 
 
 def assert_agreement(mine, theirs):
@@ -102,18 +102,18 @@ SLOPE = {**SAND, "terrain.start": -3.0, "terrain.angle_deg": 8.0}
 def test_it_shares_no_code():
     for file in HERE.glob("*.py"):
         for node in ast.walk(ast.parse(file.read_text())):
-            names = [each.name for each in node.names] if isinstance(node, ast.Import) else []
+            names = [name.name for name in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             assert not any(name.startswith(("rover_pin", "pinocchio", "casadi")) for name in names)
 
 
 def test_statics_find_the_same_rest():
     model = scenario("flat").model
-    other, state = twin(model), settled_state(model, Start())
-    mine, theirs = other.unpack(rest.rest(other)), other.unpack(converted(other, model, state))
+    independent, state = twin(model), settled_state(model, Start())
+    mine, theirs = independent.unpack(rest.rest(independent)), independent.unpack(converted(independent, model, state))
     assert mine.place[2] == pytest.approx(theirs.place[2], abs=1e-6)
     assert mine.quaternion == pytest.approx(theirs.quaternion, abs=1e-6)
-    hinges = np.delete(np.arange(len(mine.angles)), other.wheel_angle)
+    hinges = np.delete(np.arange(len(mine.angles)), independent.wheel_angle)
     assert mine.angles[hinges] == pytest.approx(theirs.angles[hinges], abs=1e-5)
     assert mine.along == pytest.approx(theirs.along, abs=1e-5)
 

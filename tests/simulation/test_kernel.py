@@ -40,9 +40,9 @@ def test_there_is_room_for_what_the_largest_wheel_meets():
             dataclasses.replace(mount, wheel=mount.wheel.replace(r=factor * float(mount.wheel.r)))
             for mount, factor in zip(rover.wheels, factors, strict=True)
         )
-        made = dataclasses.replace(FLAT, rover=dataclasses.replace(rover, wheels=wheels), terrain=ground)
+        changed_flat = dataclasses.replace(FLAT, rover=dataclasses.replace(rover, wheels=wheels), terrain=ground)
         state = settled_state(FLAT, Start())
-        return len(Kernel(made, state, 0.005, symmetric=False).keep["facets"])
+        return len(Kernel(changed_flat, state, 0.005, symmetric=False).keep["facets"])
 
     small, large = facets([1.0] * 6), facets([2.0] * 6)
     assert large > small
@@ -50,28 +50,28 @@ def test_there_is_room_for_what_the_largest_wheel_meets():
 
 
 def test_kernel_without_energy_balance_moves_equally():
-    told, ends = [], []
+    traces, ends = [], []
     for accounts in (True, False):
         kernel = kernel_of(FLAT)
         if not accounts:
             kernel.disable_energy_balance()
         kernel.duty[:] = 0.5
         assert [kernel.step() for _ in range(20)] == [0] * 20
-        told.append(bool(kernel.energy.any()))
+        traces.append(bool(kernel.energy.any()))
         ends.append(kernel.state.q.copy())
-    assert told == [True, False]
+    assert traces == [True, False]
     np.testing.assert_array_equal(*ends)
 
 
 @pytest.mark.parametrize(("limit", "most"), [("MAX_DOF", 20), ("MAX_COLS", 10)])
 def test_a_rover_with_more_joints_than_the_step_holds_is_refused(limit, most, monkeypatch):
     """Nexus 6 has 20 degrees of freedom: 6, four rockers, four servos, six wheels; 10 at most are above a wheel."""
-    made = drive_fields.rover_fields.__wrapped__
+    __wrapped__ = drive_fields.rover_fields.__wrapped__
     monkeypatch.setattr(drive_fields, limit, most)
-    made(FLAT.built, 1e-3, 1.0, True, False)
+    __wrapped__(FLAT.built, 1e-3, 1.0, True, False)
     monkeypatch.setattr(drive_fields, limit, most - 1)
     with pytest.raises(ParameterError, match=r"20 degrees.*10"):
-        made(FLAT.built, 1e-3, 1.0, True, False)
+        __wrapped__(FLAT.built, 1e-3, 1.0, True, False)
 
 
 def test_a_drive_and_a_rest_write_nothing_that_drives_share():
@@ -99,7 +99,10 @@ def test_a_drive_and_a_rest_write_nothing_that_drives_share():
 )
 def test_a_drive_between_two_others_of_the_rover_changes_neither(change):
     model = scenario("flat").model
-    drives = [simulate(each, lambda reading: np.full(6, 0.5), 0.5)["body_x"] for each in (model, change(model), model)]
+    drives = [
+        simulate(model_driven, lambda reading: np.full(6, 0.5), 0.5)["body_x"]
+        for model_driven in (model, change(model), model)
+    ]
     assert np.array_equal(drives[0], drives[2])
     assert not np.array_equal(drives[0], drives[1])
 
@@ -110,9 +113,9 @@ ROVER, CASES = cases.ROVER, cases.CASES
 @pytest.mark.parametrize("kind", [Kernel, PlainStepper])
 def test_steps_that_are_taken_back_leave_nothing_behind(kind):
     """A motor whose current and supply, and gears whose wind-up, the next step reads as well."""
-    made = CASES["two-widths"][0].having(SupplySag())
-    state = settled_state(made, Start())
-    stepper = kind(made, state, 0.005, False)
+    model = CASES["two-widths"][0].having(SupplySag())
+    state = settled_state(model, Start())
+    stepper = kind(model, state, 0.005, False)
     stepper.duty[:] = np.linspace(0.4, 0.9, 6)
     for _ in range(5):
         stepper.step()
@@ -121,22 +124,22 @@ def test_steps_that_are_taken_back_leave_nothing_behind(kind):
     for _ in range(2):
         stepper.restore(saved)
         assert [stepper.step() for _ in range(4)] == [0] * 4
-        ends.append([stepper.misjudged, *(each.tobytes() for each in stepper.saved_arrays())])
+        ends.append([stepper.misjudged, *(saved_array.tobytes() for saved_array in stepper.saved_arrays())])
     assert ends[0] == ends[1]
 
 
 def test_changed_soils_act_as_if_present_from_the_start():
-    made, start = CASES["eq-1"]
-    firmer = tuple(soil.replace(phi=soil.phi * 1.1) for soil in made.soils)
-    state = settled_state(made, start)
-    other = state.copy()
-    kernel = Kernel(made, state, 0.005, symmetric=False)
-    fresh = Kernel(dataclasses.replace(made, soils=firmer), other, 0.005, symmetric=False)
+    model, start = CASES["eq-1"]
+    firmer = tuple(soil.replace(phi=soil.phi * 1.1) for soil in model.soils)
+    state = settled_state(model, start)
+    duplicate = state.copy()
+    kernel = Kernel(model, state, 0.005, symmetric=False)
+    fresh = Kernel(dataclasses.replace(model, soils=firmer), duplicate, 0.005, symmetric=False)
     kernel.set_soils(np.array([list(soil.values().values()) for soil in firmer]))
     for _ in range(100):
         kernel.duty[:] = fresh.duty[:] = 0.7
         assert (kernel.step(), fresh.step()) == (0, 0)
-    assert np.array_equal(state.q, other.q)
+    assert np.array_equal(state.q, duplicate.q)
     assert np.array_equal(kernel.record, fresh.record)
 
 

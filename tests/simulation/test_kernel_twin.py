@@ -13,11 +13,11 @@ ROVER, CASES = cases.ROVER, cases.CASES
 
 def assert_alike(plain, kernel):
     """All that a step changes or tells is the same in both."""
-    other, state = plain.state, kernel.state
-    assert other.q == pytest.approx(state.q, abs=1e-11)
-    assert other.v == pytest.approx(state.v, abs=1e-9)
-    assert other.contact == pytest.approx(state.contact, abs=1e-9)
-    assert other.motor == pytest.approx(state.motor, abs=1e-9)
+    second, state = plain.state, kernel.state
+    assert second.q == pytest.approx(state.q, abs=1e-11)
+    assert second.v == pytest.approx(state.v, abs=1e-9)
+    assert second.contact == pytest.approx(state.contact, abs=1e-9)
+    assert second.motor == pytest.approx(state.motor, abs=1e-9)
     assert plain.record == pytest.approx(kernel.record, rel=1e-8, abs=1e-8)
     assert plain.loads == pytest.approx(kernel.loads, rel=1e-8, abs=1e-8)
     assert plain.mean_loads == pytest.approx(kernel.mean_loads, rel=1e-8, abs=1e-8)
@@ -33,13 +33,13 @@ def assert_alike(plain, kernel):
 @pytest.mark.parametrize("name", CASES)
 def test_steps_agree(name):
     """State by state, so that a chaotic moment cannot hide an error or make one."""
-    made, start = CASES[name]
-    state = settled_state(made, start)
+    model, start = CASES[name]
+    state = settled_state(model, start)
     if name == "past its stops":
         cases.bent(state)
-    kernel = Kernel(made, state, 0.005, symmetric=False)
-    other = state.copy()
-    plain = PlainStepper(made, other, 0.005, symmetric=False)
+    kernel = Kernel(model, state, 0.005, symmetric=False)
+    plain_state = state.copy()
+    plain = PlainStepper(model, plain_state, 0.005, symmetric=False)
     duty, steer = cases.DUTY.get(name, 1.0) * np.linspace(0.4, 0.9, 6), np.array([0.1, 0.12, -0.1, -0.12])
     for k in range(1200):
         if k == 900:
@@ -47,10 +47,10 @@ def test_steps_agree(name):
         kernel.duty[:], kernel.servo_target[:] = duty, steer
         if k % 40 == 0:
             for mine, theirs in (
-                (other.q, state.q),
-                (other.v, state.v),
-                (other.contact, state.contact),
-                (other.motor, state.motor),
+                (plain_state.q, state.q),
+                (plain_state.v, state.v),
+                (plain_state.contact, state.contact),
+                (plain_state.motor, state.motor),
             ):
                 mine[:] = theirs
             plain.duty[:], plain.servo_target[:] = duty, steer
@@ -66,21 +66,21 @@ def test_steps_agree(name):
 @pytest.mark.parametrize("name", CASES)
 def test_a_step_agrees_where_everything_moves(name):
     """From a state that no drive comes to, so that no term is 0."""
-    made, start = CASES[name]
-    assert assert_a_step_alike(made, cases.stirred(made, settled_state(made, start)), symmetric=False) > 0.0
+    model, start = CASES[name]
+    assert assert_a_step_alike(model, cases.stirred(model, settled_state(model, start)), symmetric=False) > 0.0
 
 
 def test_a_step_agrees_that_is_made_symmetric():
-    made, start = CASES["hills"]
-    state = cases.stirred(made, settled_state(made, start))
-    assert_a_step_alike(made, state, symmetric=True)
+    model, start = CASES["hills"]
+    state = cases.stirred(model, settled_state(model, start))
+    assert_a_step_alike(model, state, symmetric=True)
     perm, sign = ROVER.mirror
     assert np.array_equal(state.v, sign * state.v[perm])
 
 
-def assert_a_step_alike(made, state, symmetric):
+def assert_a_step_alike(model, state, symmetric):
     """Return what the second step found misjudged."""
-    plain, kernel = PlainStepper(made, state.copy(), 0.005, symmetric), Kernel(made, state, 0.005, symmetric)
+    plain, kernel = PlainStepper(model, state.copy(), 0.005, symmetric), Kernel(model, state, 0.005, symmetric)
     for stepper in (plain, kernel):
         stepper.duty[:] = np.linspace(-0.3, 0.9, 6)
         stepper.servo_target[:] = [0.1, 0.12, -0.1, -0.12]
@@ -93,20 +93,20 @@ def assert_a_step_alike(made, state, symmetric):
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_a_step_agrees_past_the_stops(way):
     """Bent further and on the way back, at either end of every joint, so that stops push and take energy."""
-    made, start = CASES["past its stops"]
-    state = cases.stirred(made, settled_state(made, start))
+    model, start = CASES["past its stops"]
+    state = cases.stirred(model, settled_state(model, start))
     cases.bent(state)
     for joint in ("bogie_l", "bogie_r", "rocker_l", "rocker_r"):
         state.q[ROVER.angles[joint]] *= way
-    assert_a_step_alike(made, state, symmetric=False)
+    assert_a_step_alike(model, state, symmetric=False)
 
 
 @pytest.mark.parametrize("share", [1e-3, 1e3])
 def test_what_a_step_misjudged_is_told_alike(share):
     """One load of one wheel at a time foreseen otherwise: of wheels that carry more than a share, and less of it."""
-    made, start = CASES["two-widths"]
-    state, told = settled_state(made, start), []
-    plain, kernel = PlainStepper(made, state.copy(), 0.005, False), Kernel(made, state, 0.005, False)
+    model, start = CASES["two-widths"]
+    state, misjudged = settled_state(model, start), []
+    plain, kernel = PlainStepper(model, state.copy(), 0.005, False), Kernel(model, state, 0.005, False)
     plain.wheel_share = kernel.struct.wheel_share = share
     for _ in range(2):
         assert (plain.step(), kernel.step()) == (0, 0)
@@ -117,9 +117,9 @@ def test_what_a_step_misjudged_is_told_alike(share):
                 stepper.restore(before)
                 stepper.foreseen[wheel, load] += -2.0 if load == 2 and wheel % 2 else 0.01 * wheel + 0.1
                 assert stepper.step() == 0
-            told.append(kernel.misjudged)
+            misjudged.append(kernel.misjudged)
             assert plain.misjudged == pytest.approx(kernel.misjudged, rel=1e-6)
-    assert len({round(each, 9) for each in told}) > 8, "left and right are alike, and no more"
+    assert len({round(value, 9) for value in misjudged}) > 8, "left and right are alike, and no more"
 
 
 def through_rest(state, share):
@@ -133,14 +133,14 @@ def through_rest(state, share):
 @pytest.mark.parametrize("name", ["held", "eq-1"])
 def test_steps_agree_through_rest(name):
     """There the law is a blend of both directions, whose weights a wheel passes in a step or two."""
-    made, start = CASES[name]
-    rest = settled_state(made, start)
+    model, start = CASES[name]
+    rest_state = settled_state(model, start)
     for share in np.linspace(-1.5, 1.5, 31):
-        states = [rest.copy(), rest.copy()]
+        states = [rest_state.copy(), rest_state.copy()]
         for state in states:
             through_rest(state, share)
         kernel, plain = (
-            kind(made, state, 0.005, False) for kind, state in zip((Kernel, PlainStepper), states, strict=True)
+            kind(model, state, 0.005, False) for kind, state in zip((Kernel, PlainStepper), states, strict=True)
         )
         assert (kernel.step(), plain.step()) == (0, 0)
         assert states[1].v == pytest.approx(states[0].v, abs=1e-11)
@@ -150,12 +150,12 @@ def test_steps_agree_through_rest(name):
 
 def test_a_dropped_rover_is_the_same_in_both():
     """All wheels in the air, then touching."""
-    made, start = CASES["ditch"]
-    state = settled_state(made, start)
+    model, start = CASES["ditch"]
+    state = settled_state(model, start)
     state.q[2] += 0.01
-    other = state.copy()
-    kernel, plain = Kernel(made, state, 0.005, False), PlainStepper(made, other, 0.005, False)
+    duplicate = state.copy()
+    kernel, plain = Kernel(model, state, 0.005, False), PlainStepper(model, duplicate, 0.005, False)
     for _ in range(40):
         assert (kernel.step(), plain.step()) == (0, 0)
-    assert other.q == pytest.approx(state.q, abs=1e-9)
+    assert duplicate.q == pytest.approx(state.q, abs=1e-9)
     assert kernel.record[:, 2].min() > 0.0

@@ -35,18 +35,18 @@ def aligned(values):
     return at
 
 
-def together(function, *given, shared=()):
+def together(function, *value, shared=()):
     """Call the compiled function for as many cases at once as it has lanes; each row of `given` is a case."""
     source = lanes.header() + lanes.c_source(function, shared) + "int law_lanes(void) { return LANES; }\n"
     handle = toolchain.shared_library(source, "test_lanes")
     width, rows = handle.law_lanes(), []
-    for first in range(0, len(given[0]), width):
-        some = [each[[min(first + k, len(each) - 1) for k in range(width)]] for each in given]
-        buffers = [aligned(each[0] if i in shared else each.T) for i, each in enumerate(some)]
+    for first in range(0, len(value[0]), width):
+        some = [argument[[min(first + k, len(argument) - 1) for k in range(width)]] for argument in value]
+        buffers = [aligned(argument[0] if i in shared else argument.T) for i, argument in enumerate(some)]
         out = aligned(np.zeros(function.numel_out(0) * width))
-        getattr(handle, function.name())(*(ctypes.c_void_p(each.ctypes.data) for each in (*buffers, out)))
+        getattr(handle, function.name())(*(ctypes.c_void_p(argument.ctypes.data) for argument in (*buffers, out)))
         rows.append(out.reshape(-1, width).T)
-    return np.concatenate(rows)[: len(given[0])]
+    return np.concatenate(rows)[: len(value[0])]
 
 
 @pytest.fixture(params=["this processor", "any processor"])
@@ -77,11 +77,13 @@ def test_a_law_is_casadis():
     geometry = np.column_stack([h, *speed, rng.uniform(-1, 1, n), rng.integers(0, 3, n)])
     states = rng.normal(0.0, 0.3, (n, function.during.numel_in(1)))
     constants = numbers([model.rover.wheels[0].wheel, model.soils[0]])
-    held = np.tile(np.array(function.before(constants, numbers(model.contact_effects))).ravel(), (n, 1))
-    expected = np.array([np.array(function.during(*case)).ravel() for case in zip(geometry, states, held, strict=True)])
-    found = together(function.during, geometry, states, held)
+    constants_held = np.tile(np.array(function.before(constants, numbers(model.contact_effects))).ravel(), (n, 1))
+    expected = np.array(
+        [np.array(function.during(*case)).ravel() for case in zip(geometry, states, constants_held, strict=True)]
+    )
+    by_lanes = together(function.during, geometry, states, constants_held)
     scale = np.max(np.abs(expected), axis=0) + 1e-300
-    assert np.max(np.abs(found - expected) / scale) < 1e-12
+    assert np.max(np.abs(by_lanes - expected) / scale) < 1e-12
 
 
 def test_equal_values_are_worked_out_once_and_exp_with_expm1():

@@ -39,8 +39,8 @@ def drawn(random, bounds, defaults):
     low, high = np.array(bounds, dtype=float).reshape(-1, 2).T[..., None]
     default = np.array(defaults, dtype=float)[:, None]
     some = random.random((len(default), POINTS))
-    about = np.clip(default * 10 ** (4.0 * some - 2.0), low, high)
-    ways = np.stack([low + 0.0 * some, high + 0.0 * some, default + 0.0 * some, low + some * (high - low), about])
+    clipped = np.clip(default * 10 ** (4.0 * some - 2.0), low, high)
+    ways = np.stack([low + 0.0 * some, high + 0.0 * some, default + 0.0 * some, low + some * (high - low), clipped])
     return np.take_along_axis(ways, random.integers(0, len(ways), (1, len(default), POINTS)), axis=0)[0]
 
 
@@ -56,8 +56,10 @@ def of(records, random):
 def states_of(effects, random):
     """Return points of states: at rest, small, and far along; a slip is 1 at most."""
     names = [state.name for effect in effects for state in effect.states]
-    far = [1.0 if name.startswith("S") else FARTHEST for name in names]
-    return np.array([random.choice([0.0, 1e-9, 1e-3, each / 2, each], POINTS) for each in far]).reshape(-1, POINTS)
+    distant = [1.0 if name.startswith("S") else FARTHEST for name in names]
+    return np.array([random.choice([0.0, 1e-9, 1e-3, largest / 2, largest], POINTS) for largest in distant]).reshape(
+        -1, POINTS
+    )
 
 
 def infinite(law, first, states, parameters):

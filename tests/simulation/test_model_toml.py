@@ -28,20 +28,30 @@ FLAT = shapes.flat()
 BASE = scenario("flat", soil="table-1").model
 
 
-def alike(one, other):
+def alike(first, second):
     """Two models in all but their rovers' objects and terrains."""
-    kept = ("soils", "motor", "slip", "effects", "motor_effects", "gravity", "body_effects", "sensor_effects", "buried")
-    assert {name: getattr(one, name) for name in kept} == {name: getattr(other, name) for name in kept}
-    assert (one.rover.name, one.rover.urdf) == (other.rover.name, other.rover.urdf)
+    stored = (
+        "soils",
+        "motor",
+        "slip",
+        "effects",
+        "motor_effects",
+        "gravity",
+        "body_effects",
+        "sensor_effects",
+        "buried",
+    )
+    assert {name: getattr(first, name) for name in stored} == {name: getattr(second, name) for name in stored}
+    assert (first.rover.name, first.rover.urdf) == (second.rover.name, second.rover.urdf)
 
 
 def drawn(kind, rng):
     """The effect with each quantity anywhere within its bounds, its choices other than the default."""
     effect = kind()
-    ends = {name: (max(about.low, -9.0), min(about.high, 9.0)) for name, about in quantities(effect).items()}
-    changes = {name: float(rng.uniform(*each)) for name, each in ends.items()}
-    other = {"form": GrossTraction(), "angles": SinkageAngles(), "channel": "body_roll"}
-    changes |= {name: choice for name, choice in other.items() if hasattr(effect, name)}
+    ends = {name: (max(quantity.low, -9.0), min(quantity.high, 9.0)) for name, quantity in quantities(effect).items()}
+    changes = {name: float(rng.uniform(*end)) for name, end in ends.items()}
+    other_fields = {"form": GrossTraction(), "angles": SinkageAngles(), "channel": "body_roll"}
+    changes |= {name: choice for name, choice in other_fields.items() if hasattr(effect, name)}
     if hasattr(effect, "wheel"):
         changes["wheel"] = 3 if isinstance(effect.wheel, int) else "mr"
     return effect.replace(**changes)
@@ -88,8 +98,8 @@ def test_an_effect_of_ones_own_keeps_its_file(tmp_path):
     path = write_model(BASE.having(kind(loud=2.0)), tmp_path / "model.toml")
     assert str(tmp_path / "squeak.py") in path.read_text()
     path.write_text(path.read_text().replace(str(tmp_path / "squeak.py"), "squeak.py"))
-    (found,) = read_model(path, FLAT, trust).motor_effects
-    assert (type(found).__name__, found.loud) == ("Squeak", 2.0)
+    (motor_effect,) = read_model(path, FLAT, trust).motor_effects
+    assert (type(motor_effect).__name__, motor_effect.loud) == ("Squeak", 2.0)
     for content, says in (
         ("import nonsense_that_is_not", "squeak.py, line 1: the code there ends with ModuleNotFoundError"),
         ("", "defines no effect"),
@@ -104,10 +114,10 @@ def test_an_effect_of_ones_own_keeps_its_file(tmp_path):
 
 def test_an_effect_without_a_file_cannot_be_written(tmp_path):
     """As a class that was written at a prompt."""
-    made = {"__name__": "prompt"}
-    exec(compile(OWN_EFFECT, "<stdin>", "exec"), made)
+    namespace = {"__name__": "prompt"}
+    exec(compile(OWN_EFFECT, "<stdin>", "exec"), namespace)
     with pytest.raises(DataError, match=r"effect.*:.*\.py"):
-        write_model(BASE.having(made["Squeak"]()), tmp_path / "model.toml")
+        write_model(BASE.having(namespace["Squeak"]()), tmp_path / "model.toml")
 
 
 def test_a_rover_of_ones_own_needs_its_path(tmp_path):
@@ -135,7 +145,7 @@ def test_an_expression_cannot_be_written(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("said", "instead", "error", "says"),
+    ("message", "instead", "error", "says"),
     [
         ("drive-model", "rig-model", DataError, "kind = 'rig-model'"),
         ('note = ""', 'notes = ""', DataError, "you mean 'note'?"),
@@ -154,10 +164,10 @@ def test_an_expression_cannot_be_written(tmp_path):
         ('unit = "rad"', 'unit = "m"', ParameterError, "'phi': unit 'm' does"),
     ],
 )
-def test_mistakes_in_a_file(tmp_path, said, instead, error, says):
+def test_mistakes_in_a_file(tmp_path, message, instead, error, says):
     path = write_model(BASE.having(WeakMotor()).having(TachoScale()), tmp_path / "model.toml")
-    assert said in path.read_text()
-    path.write_text(path.read_text().replace(said, instead, 1))
+    assert message in path.read_text()
+    path.write_text(path.read_text().replace(message, instead, 1))
     with pytest.raises(error, match=re.escape(says)):
         read_model(path, FLAT)
 
@@ -177,8 +187,8 @@ def test_a_key_of_another_form_and_a_missing_terrain(tmp_path):
 
 
 def test_a_scenario_drives_a_models_file(tmp_path):
-    made = scenario("flat", soil="table-1", **{"soil.k": 0.02}).model.having(WeakMotor(wheel=1))
-    file = str(write_model(made, tmp_path / "model.toml"))
+    having = scenario("flat", soil="table-1", **{"soil.k": 0.02}).model.having(WeakMotor(wheel=1))
+    file = str(write_model(having, tmp_path / "model.toml"))
     ready = scenario("bump", model=file, gravity="moon", **{"effect.WeakMotor.g": 0.1})
     assert ready.model.motor_effects == (WeakMotor(g=0.1, wheel=1),)
     assert (ready.model.soils[0].k, ready.model.gravity) == (0.02, 1.62)

@@ -134,11 +134,11 @@ def wheels_mobility(model, q):
 @pytest.mark.parametrize(("delta", "omega", "torque"), [(0.55, 1.2, 0.02), (0.3, 0.05, 0.25), (1.0, 30.0, 0.97)])
 def test_a_calibrated_motor_turns_so_fast_under_so_much(delta, omega, torque):
     motor = Motor()
-    made = motor.with_operating_point(delta, omega, torque)
-    drive = made.drive(delta, omega)
+    point = motor.with_operating_point(delta, omega, torque)
+    drive = point.drive(delta, omega)
     assert float(drive.constant * drive.current) == pytest.approx(torque)
     for name in ("supply", "stall_torque", "armature"):
-        assert float(getattr(made, name)) == pytest.approx(float(getattr(motor, name)))
+        assert float(getattr(point, name)) == pytest.approx(float(getattr(motor, name)))
 
 
 @pytest.mark.parametrize(("delta", "omega"), [(0.25, 1.0), (0.2, 1.0), (0.5, 0.0), (0.5, -1.0)])
@@ -155,8 +155,8 @@ def test_a_stiff_motor_follows_its_duty_without_ringing():
     timing = Timing(sample=DT)
     trace = simulate(model, ConstantDuty(0.05), 1.0, timing=timing)
     rates = trace.stack("wheel_rate")
-    asked = 0.05 * float(model.motor.no_load_rate)
-    assert rates[8:] == pytest.approx(asked, rel=0.02)
+    wanted_rate = 0.05 * float(model.motor.no_load_rate)
+    assert rates[8:] == pytest.approx(wanted_rate, rel=0.02)
     finer = simulate(model, ConstantDuty(0.05), 1.0, timing=timing.with_half_step())
     assert trace["body_x"] == pytest.approx(finer["body_x"], abs=3e-4)
     assert trace.energy_error() < 1e-5

@@ -46,17 +46,20 @@ def asked(controller):
 def test_a_built_in_controller_drives_as_its_class_does(name):
     shape, settings = CASES[name]
     case = scenario(shape, soil="table-1", **settings, duration=8.0)
-    drives, kept = [], []
+    drives, stored = [], []
     assert commands_of(case.controller, 6) is not None
     for controller in (case.controller, asked(case.controller)):
         if hasattr(case.controller, "reset"):
             case.controller.reset()
-        how = {"symmetric": case.symmetric, "measure_error": False}  # one of a user is not driven again at finer steps
-        drives.append(simulate(case.model, controller, 8.0, case.start, case.timing, **how))
-        kept.append(np.array(getattr(case.controller, "integral", 0.0)))
+        options = {
+            "symmetric": case.symmetric,
+            "measure_error": False,
+        }  # one of a user is not driven again at finer steps
+        drives.append(simulate(case.model, controller, 8.0, case.start, case.timing, **options))
+        stored.append(np.array(getattr(case.controller, "integral", 0.0)))
     for channel in drives[0].channels:
         assert np.array_equal(drives[0][channel], drives[1][channel], equal_nan=True), channel
-    assert np.array_equal(*kept)
+    assert np.array_equal(*stored)
 
 
 class Careful(ConstantDuty):
@@ -103,34 +106,34 @@ def test_tacking_in_the_loop_is_that_of_its_class(rover, limited):
     control = TackingControl(
         case.model.rover, Tacking(0.2, radius=0.8, alert=0.05, calm=1.5, delta=0.5, delta_climb=0.7)
     )
-    whole = TorqueLimited(control, TorqueLimit.at_slip(case.model)) if limited else control
-    assert commands_of(whole, len(case.model.rover.wheels)) is not None
-    drives, kept = [], []
-    for controller in (whole, asked(whole)):
+    full = TorqueLimited(control, TorqueLimit.at_slip(case.model)) if limited else control
+    assert commands_of(full, len(case.model.rover.wheels)) is not None
+    drives, stored = [], []
+    for controller in (full, asked(full)):
         control.reset()
         drives.append(simulate(case.model, controller, 12.0, Start(0.0, 0.0, 0.15), measure_error=False))
-        kept.append(control.memory.copy())
+        stored.append(control.memory.copy())
     for channel in drives[0].channels:
         assert drives[0][channel] == pytest.approx(drives[1][channel], rel=1e-8, abs=1e-8, nan_ok=True), channel
-    assert np.array_equal(*kept)
+    assert np.array_equal(*stored)
     assert drives[0].attrs["stop"] == drives[1].attrs["stop"] == "duration"
     assert len(np.unique(drives[0].stack("duty"))) > 10
 
 
 def test_drive_readings_are_looked_up_when_they_are_accessed():
     """Also much later, when the drive has gone on; and it is what the plain step shows."""
-    case, kept = scenario("ditch", soil="table-1"), []
+    case, stored = scenario("ditch", soil="table-1"), []
 
     def watching(reading):
-        kept.append(reading)
+        stored.append(reading)
         return 0.5 + 0.1 * math.sin(9.0 * reading.t)
 
     trace = simulate(case.model, watching, 20.0, case.start)
-    assert len(kept) == 400 > QUESTIONS
-    assert set(vars(kept[7])) == {"_rows", "_index", "_places", "_row", "t"}
+    assert len(stored) == 400 > QUESTIONS
+    assert set(vars(stored[7])) == {"_rows", "_index", "_places", "_row", "t"}
     for at in (1, 150, 399):
         row = round(at * case.timing.control / case.timing.sample) - 1
-        now = kept[at]
+        now = stored[at]
         assert now.t == pytest.approx(0.05 * at)
         assert now.attitude == tuple(trace[f"body_{angle}"][row] for angle in ("roll", "pitch", "yaw"))
         assert now.truth.slip.tolist() == [trace[f"slip_{wheel.name}"][row] for wheel in case.model.rover.wheels]
@@ -139,17 +142,17 @@ def test_drive_readings_are_looked_up_when_they_are_accessed():
 
 
 def test_the_plain_step_shows_a_controller_the_same():
-    case, seen = scenario("ditch", soil="table-1"), ([], [])
-    for drive, kept in zip((simulate, plain_simulate), seen, strict=True):
-        drive(case.model, lambda reading, kept=kept: kept.append(reading) or 0.5, 0.15, case.start)
-    for mine, theirs in zip(*seen, strict=True):
+    case, observed = scenario("ditch", soil="table-1"), ([], [])
+    for drive, seen_readings in zip((simulate, plain_simulate), observed, strict=True):
+        drive(case.model, lambda reading, stored=seen_readings: stored.append(reading) or 0.5, 0.15, case.start)
+    for mine, theirs in zip(*observed, strict=True):
         for field in dataclasses.fields(Reading)[:-1]:
             name = field.name
             assert getattr(mine, name) == pytest.approx(getattr(theirs, name), rel=1e-9, abs=1e-11), name
-        for name, told in mine.truth._asdict().items():
-            assert told == pytest.approx(getattr(theirs.truth, name), rel=1e-9, abs=1e-11), name
-    changed = seen[0][1].replace(current=np.ones(6))
-    assert (changed.t, changed.current.tolist()) == (seen[0][1].t, [1.0] * 6)
+        for name, truth_number in mine.truth._asdict().items():
+            assert truth_number == pytest.approx(getattr(theirs.truth, name), rel=1e-9, abs=1e-11), name
+    changed = observed[0][1].replace(current=np.ones(6))
+    assert (changed.t, changed.current.tolist()) == (observed[0][1].t, [1.0] * 6)
 
 
 MODEL, AT_ONCE = scenario("flat").model, 1e-12
@@ -203,21 +206,21 @@ def scramble(loop, rng):
 @pytest.mark.parametrize("name", controllers())
 def test_one_compiled_controller_sample_is_that_of_its_class(name):
     controller, rng = controllers()[name], np.random.default_rng(8)
-    loop, own, told = loop_of(controller.native(6)), getattr(controller, "controller", controller), []
+    loop, stateful, readings = loop_of(controller.native(6)), getattr(controller, "controller", controller), []
     for _ in range(SAMPLES):
-        if hasattr(own, "integral"):
-            own.integral[:], own.depth[:] = 0.5 * rng.normal(size=6), rng.uniform(0.0, 0.015, 6)
-        if hasattr(own, "memory"):
-            own.memory[:] = rng.choice([-1.0, 1.0]), rng.choice([-1.0, 5.0])
+        if hasattr(stateful, "integral"):
+            stateful.integral[:], stateful.depth[:] = 0.5 * rng.normal(size=6), rng.uniform(0.0, 0.015, 6)
+        if hasattr(stateful, "memory"):
+            stateful.memory[:] = rng.choice([-1.0, 1.0]), rng.choice([-1.0, 5.0])
         reading = scramble(loop, rng)
-        other = copy.deepcopy(controller)
-        wanted = other(reading)
+        deepcopy = copy.deepcopy(controller)
+        wanted = deepcopy(reading)
         loop.run(1)
         assert loop.kernel.duty == pytest.approx(np.broadcast_to(wanted.duty, 6), rel=0.0, abs=1e-12)
         assert loop.kernel.servo_target == pytest.approx(np.broadcast_to(wanted.steer, 4), rel=0.0, abs=1e-12)
-        rest = getattr(other, "controller", other)
-        for kept in ("integral", "depth", "memory"):
-            if hasattr(own, kept):
-                assert getattr(own, kept) == pytest.approx(getattr(rest, kept), rel=1e-13, abs=1e-13)
-        told.append(loop.kernel.duty.copy())
-    assert len(np.unique(np.round(told, 9))) > 2
+        inner = getattr(deepcopy, "controller", deepcopy)
+        for stored in ("integral", "depth", "memory"):
+            if hasattr(stateful, stored):
+                assert getattr(stateful, stored) == pytest.approx(getattr(inner, stored), rel=1e-13, abs=1e-13)
+        readings.append(loop.kernel.duty.copy())
+    assert len(np.unique(np.round(readings, 9))) > 2

@@ -29,30 +29,30 @@ EXPONENTS = [float(soil.n) for soil in SOFT]
 def compiled_patches(kernel, frame):
     """Columns sinkage, share, tilt, turn, side, in-plane normal (2), normal (3), soil; and the wheel's sinkage."""
     sinkage = ctypes.c_double()
-    found = library().rover_pin_patches
-    found.argtypes = [ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p]
-    found.restype = ctypes.c_int64
+    rover_pin_patches = library().rover_pin_patches
+    rover_pin_patches.argtypes = [ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p]
+    rover_pin_patches.restype = ctypes.c_int64
     space = np.concatenate([frame.centre, frame.axle, frame.forward, frame.up])
-    count = found(ctypes.addressof(kernel.struct), 0, space.ctypes.data, ctypes.addressof(sinkage))
+    count = rover_pin_patches(ctypes.addressof(kernel.struct), 0, space.ctypes.data, ctypes.addressof(sinkage))
     rows = kernel.keep["patches"][:count].copy()
     rows[:, -1] = rows[:, -1].view(np.int64)
     return rows, sinkage.value
 
 
 def plain_patches(terrain, frame):
-    found, sinkage = patches(terrain, frame, R, B, EXPONENTS)
+    patch_list, sinkage = patches(terrain, frame, R, B, EXPONENTS)
     rows = [
         [
-            each.h,
-            each.share,
-            each.tilt,
-            each.turn,
-            each.side,
-            *each.facet.in_plane,
-            *each.facet.normal,
-            each.facet.ground,
+            patch.h,
+            patch.share,
+            patch.tilt,
+            patch.turn,
+            patch.side,
+            *patch.facet.in_plane,
+            *patch.facet.normal,
+            patch.facet.ground,
         ]
-        for each in found
+        for patch in patch_list
     ]
     return np.array(rows).reshape(-1, 11), sinkage
 
@@ -63,9 +63,9 @@ def felt(rows):
 
 def agree(terrain, frame):
     """Compare, and return how many patches there are."""
-    made = dataclasses.replace(FLAT, terrain=terrain, soils=SOFT)
+    changed_flat = dataclasses.replace(FLAT, terrain=terrain, soils=SOFT)
     (mine, depth), (theirs, reference) = (
-        compiled_patches(Kernel(made, HOVER.copy(), 0.005, False), frame),
+        compiled_patches(Kernel(changed_flat, HOVER.copy(), 0.005, False), frame),
         plain_patches(terrain, frame),
     )
     mine, theirs = felt(mine), felt(theirs)

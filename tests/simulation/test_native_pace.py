@@ -81,7 +81,7 @@ class Ours:
         self.drive, self.loop = DriveStruct(), LoopStruct()
         self.q, self.v, self.saved = np.arange(2.0), np.arange(3.0), np.full(2 * sum(SIZES) + 2, 7.0)
         fill(self.drive, self.keep, {"q": self.q, "v": self.v, "dt": DT, "differential": np.zeros(1)})
-        moving = np.array([each.ctypes.data for each in (self.q, self.v)], dtype=np.int64)
+        moving = np.array([array.ctypes.data for array in (self.q, self.v)], dtype=np.int64)
         values = {"moving": moving, "moving_sizes": np.array(SIZES, dtype=np.int64), "n_moving": 2}
         values |= {"moving_size": sum(SIZES), "saved": self.saved, "size": FINEST, "dt": DT, "rough": ROUGH_BY}
         fill(self.loop, self.keep, {**values, "now": np.zeros(1)})
@@ -114,11 +114,11 @@ def test_the_compiled_pace_takes_the_steps_of_the_plain_one(compiled, seed):
     script, commands = drawn(seed)
     theirs, ours = Scripted(script), Ours(compiled, script)
     plain = Pace(theirs, DT, ROUGH_BY)
-    for each in commands:
+    for command in commands:
         if theirs.calls > 300:
             break
-        begun, status = theirs.calls, plain.advance(*each)
-        assert ours.advance(*each) == status
+        begun, status = theirs.calls, plain.advance(*command)
+        assert ours.advance(*command) == status
         assert ours.steps() == theirs.steps, f"from step {begun} on"
         assert (ours.loop.size, ours.drive.dt) == (plain.size, theirs.dt)
         assert np.array_equal(ours.q, theirs.q)
@@ -130,15 +130,15 @@ def test_the_compiled_pace_takes_the_steps_of_the_plain_one(compiled, seed):
 
 def test_a_script_meets_what_a_pace_decides():
     """Over the seeds: steps taken again, of all sizes, and statuses."""
-    sizes, told = set(), set()
+    sizes, decisions = set(), set()
     for seed in range(SEEDS):
         script, commands = drawn(seed)
         steps = Scripted(script)
         pace, status = Pace(steps, DT, ROUGH_BY), 0
-        for each in commands:
+        for command in commands:
             if status == 0 and steps.calls <= 300:
-                status = pace.advance(*each)
-        told.add(status)
-        sizes |= {round(each / DT * FINEST) for each in steps.steps if each > GLANCE}
+                status = pace.advance(*command)
+        decisions.add(status)
+        sizes |= {round(step / DT * FINEST) for step in steps.steps if step > GLANCE}
     assert sizes == {1, 2, 4, 8, 16, 32, 64}
-    assert told == {0, 1, 2}
+    assert decisions == {0, 1, 2}

@@ -20,12 +20,14 @@ DRIVE = "from rover_pin import scenario; print(scenario('ditch', duration=8.0).d
 
 
 def places(text: str, table: str) -> list[str]:
-    (line,) = [each for each in text.splitlines() if each.startswith("enum") and each.endswith(f" N_{table} }};")]
+    (line,) = [line for line in text.splitlines() if line.startswith("enum") and line.endswith(f" N_{table} }};")]
     return line.removeprefix("enum { ").removesuffix(f", N_{table} }};").split(", ")
 
 
 def test_a_soil_with_one_quantity_more_moves_every_place_in_c(monkeypatch):
-    fields = [(name, float, quantity(0.5, about.unit, about.source)) for name, about in quantities(Soil).items()]
+    fields = [
+        (name, float, quantity(0.5, metadata.unit, metadata.source)) for name, metadata in quantities(Soil).items()
+    ]
     fields.insert(2, ("density", float, quantity(1.6, "", "a test")))
     monkeypatch.setattr(shared, "Soil", dataclasses.make_dataclass("Soil", fields, bases=(Record,), frozen=True))
     assert places(shared.header(), "SOIL") == [f"SOIL_{name.upper()}" for name, *_ in fields]

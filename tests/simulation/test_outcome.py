@@ -87,9 +87,9 @@ def scaled(trace, length, time):
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize(("length", "time"), [(0.02, 0.1), (20.0, 100.0), (1.0, 1e3)])
 def test_it_is_the_same_for_a_rover_of_another_size_and_pace(traces, name, length, time):
-    here, there = drive_outcome(traces[name]), drive_outcome(scaled(traces[name], length, time))
-    assert there.kind == here.kind
-    assert there.since == pytest.approx(time * here.since, nan_ok=True)
+    outcome, there = drive_outcome(traces[name]), drive_outcome(scaled(traces[name], length, time))
+    assert there.kind == outcome.kind
+    assert there.since == pytest.approx(time * outcome.since, nan_ok=True)
 
 
 def test_stuck_since_is_when_the_body_stopped(traces):
@@ -104,14 +104,14 @@ def test_creeping_wheels_are_reported_by_speed_and_duty_share(traces):
     trace = traces["skid-steer on the spot"]
     late, r = trace.t >= drive_outcome(trace).since, float(np.mean(trace.attrs["wheel_radii_m"]))
     rate = np.mean(np.abs(trace.stack("wheel_rate")[late]))
-    said = trace.attrs["outcome"]
-    creep, percent = (float(number) for number in re.search(r"creep at (\S+) mm/s, (\S+) %", said).groups())
+    outcome = trace.attrs["outcome"]
+    creep, percent = (float(number) for number in re.search(r"creep at (\S+) mm/s, (\S+) %", outcome).groups())
     assert 1e3 * r * rate == pytest.approx(creep, abs=0.06)
     share = rate / float(scenario("flat", rover="cart").model.motor.no_load_rate)
     assert 100.0 * share == pytest.approx(percent, abs=0.5), "by energies, which the faster side weighs more"
     turn = np.degrees(trace["body_yaw"][-1] - trace["body_yaw"][0])
-    assert said.endswith(f"turned by {turn:.0f} deg")
-    assert "wheel turns" not in said
+    assert outcome.endswith(f"turned by {turn:.0f} deg")
+    assert "wheel turns" not in outcome
 
 
 def test_a_measured_trace_without_the_truth_says_nothing(traces):
@@ -126,13 +126,13 @@ def test_a_measured_trace_without_the_truth_says_nothing(traces):
 def test_what_slides_aside_does_not_just_drive_on(slope, kind):
     """Across a slope of the paper's sand: the speeds are those of the body along and across its heading."""
     trace = scenario("cross-slope", duration=8.0, **{"terrain.angle_deg": slope, "soil": "table-1"}).drive()
-    said = trace.attrs["outcome"]
+    outcome = trace.attrs["outcome"]
     rows = max(1, len(trace.t) // 20)
     aside = abs(trace["body_y"][-1] - trace["body_y"][-1 - rows]) / (trace.t[-1] - trace.t[-1 - rows])
-    told = re.search(r"(?:slides|sliding) aside at ([\d.]+) m/s", said)
-    assert said.startswith(kind)
-    assert (told is None) is (slope == 1.0)
-    assert told is None or float(told[1]) == pytest.approx(aside, rel=0.12)
+    match = re.search(r"(?:slides|sliding) aside at ([\d.]+) m/s", outcome)
+    assert outcome.startswith(kind)
+    assert (match is None) is (slope == 1.0)
+    assert match is None or float(match[1]) == pytest.approx(aside, rel=0.12)
 
 
 @pytest.mark.parametrize(("rover", "at_full_duty"), [("cart", 0.153), ("nexus6", 0.106)])
@@ -141,11 +141,11 @@ def test_what_the_soil_rocks_is_told_by_its_mean_way(rover, at_full_duty, duty):
     """Without resistance a cart at a duty of 1e-5 "drove on at 0.019 m/s": its swing; its way goes with its duty."""
     settings = {"control.delta": duty, "effect.MotionResistance.R": 0.0, "soil.k": 0.005}
     trace = scenario("flat", rover=rover, duration=10.0, soil="table-1", **settings).drive()
-    said = trace.attrs["outcome"]
-    told = re.search(r"(?:drives on|moves) at (-?[\d.e-]+) m/s", said)
-    assert float(told[1]) == pytest.approx(duty * at_full_duty, rel=0.2, abs=3e-4)
-    assert ("swing to and fro" in said) is (duty == 1e-5 or (rover, duty) == ("cart", 0.01))
-    assert said.startswith("drives on") is ("swing" not in said)
+    outcome = trace.attrs["outcome"]
+    match = re.search(r"(?:drives on|moves) at (-?[\d.e-]+) m/s", outcome)
+    assert float(match[1]) == pytest.approx(duty * at_full_duty, rel=0.2, abs=3e-4)
+    assert ("swing to and fro" in outcome) is (duty == 1e-5 or (rover, duty) == ("cart", 0.01))
+    assert outcome.startswith("drives on") is ("swing" not in outcome)
 
 
 @pytest.mark.parametrize("duty", [1e-5, 0.01])
@@ -172,19 +172,19 @@ def trace(rate=1.0, travel=0.05, duty=0.5, gave=1.0, count=COUNT, attrs=None, **
     """Two wheels of 10 cm radius for 20 s: rates [rad/s], travel [m/s], `gave` the mechanical of 1 W electric power."""
     t = T[:count]
     way = 0.1 * np.cumsum(np.resize(travel, count))
-    usual = {"t_s": t, "body_x": way - way[0], "body_y": 0.0 * t, "body_yaw": 0.0 * t}
-    usual |= {"energy_motor": gave * t, "energy_electric": t}
+    default = {"t_s": t, "body_x": way - way[0], "body_y": 0.0 * t, "body_yaw": 0.0 * t}
+    default |= {"energy_motor": gave * t, "energy_electric": t}
     for wheel, at in (("a", 0), ("b", -1)):
         for name, values in (("wheel_rate", rate), ("travel", travel), ("duty", duty)):
-            own = values[at] if isinstance(values, tuple) else values
-            usual[f"{name}_{wheel}"] = np.resize(np.asarray(own, dtype=float), count)
-    given = {name: np.resize(np.asarray(values, dtype=float), count) for name, values in channels.items()}
-    return Trace({**usual, **given}, attrs={"wheel_radii_m": [R, R], "wheels": ["a", "b"], **(attrs or {})})
+            wheel_values = values[at] if isinstance(values, tuple) else values
+            default[f"{name}_{wheel}"] = np.resize(np.asarray(wheel_values, dtype=float), count)
+    resized = {name: np.resize(np.asarray(values, dtype=float), count) for name, values in channels.items()}
+    return Trace({**default, **resized}, attrs={"wheel_radii_m": [R, R], "wheels": ["a", "b"], **(attrs or {})})
 
 
-def told(**given):
-    found = drive_outcome(trace(**given))
-    return found.kind, found.sentence
+def told(**channels):
+    outcome = drive_outcome(trace(**channels))
+    return outcome.kind, outcome.sentence
 
 
 def numbers(sentence):
@@ -198,20 +198,20 @@ def numbers(sentence):
 def test_half_of_rim_travel_is_driving_below_a_tenth_is_stuck(travel, kind):
     """The rims turn at 0.1 m/s, forwards or backwards as the duty asks."""
     for sign in (1.0, -1.0):
-        found, said = told(rate=sign, travel=sign * travel, duty=0.5 * sign)
-        assert found == kind
+        outcome, sentence = told(rate=sign, travel=sign * travel, duty=0.5 * sign)
+        assert outcome == kind
         place = f"x = {20.0 * sign * travel:.2f} m"
-        assert numbers(said) == ([place] if kind == "stuck" else [f"{travel:.2g} m/s", place])
+        assert numbers(sentence) == ([place] if kind == "stuck" else [f"{travel:.2g} m/s", place])
 
 
 def test_stuck_begins_after_the_last_radius_with_some_travel():
     """At 5 mm/s of 100 mm/s since 10 s, at 50 mm/s before: 0.11 s before that a last radius begins with a tenth."""
-    found = drive_outcome(trace(travel=np.where(LATE, 0.005, 0.05), slip_a=0.989, slip_b=0.962))
-    assert found.kind == "stuck"
-    assert found.since == pytest.approx(9.9), "one row at 50 mm/s and nine at 5 are 9.5 % of what the rims turn"
-    assert numbers(found.sentence) == ["x = 0.55 m", "9.9 s", "S = 0.96"]
+    outcome = drive_outcome(trace(travel=np.where(LATE, 0.005, 0.05), slip_a=0.989, slip_b=0.962))
+    assert outcome.kind == "stuck"
+    assert outcome.since == pytest.approx(9.9), "one row at 50 mm/s and nine at 5 are 9.5 % of what the rims turn"
+    assert numbers(outcome.sentence) == ["x = 0.55 m", "9.9 s", "S = 0.96"]
     assert drive_outcome(trace(travel=0.0)).since == 0.0, "from its first row on"
     halting = drive_outcome(trace(travel=np.where(T < 5.05, 0.0, np.where(LATE, 0.005, 0.05))))
-    assert halting.since == found.since, "it was free in between"
+    assert halting.since == outcome.since, "it was free in between"
     assert drive_outcome(trace(travel=0.0, slip_a=0.057, slip_b=0.9)).sentence.endswith("S = 0.05")
     assert "S =" not in drive_outcome(trace(travel=0.0, slip_a=-0.2, slip_b=0.9)).sentence

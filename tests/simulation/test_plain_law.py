@@ -42,20 +42,24 @@ MOVING = [(share, rim) for share in (-1.3, -0.9, -0.4, 0.0, 0.3, 0.8, 1.2) for r
 @pytest.mark.parametrize(("v", "rim"), MOVING)
 def test_slopes_are_those_of_load_and_rate(law, v, rim):
     """The direction itself goes by travel and rim; on whatever side of rest, and where a wheel is decided."""
-    here, x, step = contact(v * DIRECTION_SPEED, rim * DIRECTION_SPEED, axle=1.0), states(law), 1e-4 * DIRECTION_SPEED
-    value = law(here, x)
+    contact_at, x, step = (
+        contact(v * DIRECTION_SPEED, rim * DIRECTION_SPEED, axle=1.0),
+        states(law),
+        1e-4 * DIRECTION_SPEED,
+    )
+    value = law(contact_at, x)
     for at in range(4):
         ends = []
         for sign in (1.0, -1.0):
-            moved = here.copy()
-            moved[1 + at] += sign * step
-            ends.append(law(moved, x))
+            duplicate = contact_at.copy()
+            duplicate[1 + at] += sign * step
+            ends.append(law(duplicate, x))
         for slope, part in ((value.by_speed, "load"), (value.rate_by_speed, "rate")):
             difference = (getattr(ends[0], part) - getattr(ends[1], part)) / (2.0 * step)
             scale = np.abs(slope).max()
             np.testing.assert_allclose(slope[:, at], difference, rtol=2e-4, atol=1e-6 * scale)
     for at in range(len(x)):
-        ends = [law(here, x + sign * 1e-6 * np.eye(len(x))[at]) for sign in (1.0, -1.0)]
+        ends = [law(contact_at, x + sign * 1e-6 * np.eye(len(x))[at]) for sign in (1.0, -1.0)]
         for slope, part in ((value.load_by_state, "load"), (value.rate_by_state, "rate")):
             difference = (getattr(ends[0], part) - getattr(ends[1], part)) / 2e-6
             np.testing.assert_allclose(slope[:, at], difference, rtol=1e-5, atol=1e-6 * max(1.0, np.abs(slope).max()))
@@ -67,15 +71,15 @@ def test_a_wheel_that_goes_the_other_way_is_its_mirror_image(law, v, rim):
     ahead, behind = (contact(sign * v * DIRECTION_SPEED, sign * rim * DIRECTION_SPEED) for sign in (1.0, -1.0))
     behind[2], behind[6] = -ahead[2], 2.0
     x, sign, odd = states(law), TRAVEL_SIGNS, law.odd
-    one, other = law(ahead, x), law(behind, odd * x)
+    forward, backward = law(ahead, x), law(behind, odd * x)
     expected = {
-        "load": sign * one.load, "rate": odd * one.rate, "slip": -one.slip,
-        "by_speed": np.outer(sign, sign) * one.by_speed, "rate_by_speed": np.outer(odd, sign) * one.rate_by_speed,
-        "load_by_state": np.outer(sign, odd) * one.load_by_state,
-        "rate_by_state": np.outer(odd, odd) * one.rate_by_state,
+        "load": sign * forward.load, "rate": odd * forward.rate, "slip": -forward.slip,
+        "by_speed": np.outer(sign, sign) * forward.by_speed, "rate_by_speed": np.outer(odd, sign) * forward.rate_by_speed,
+        "load_by_state": np.outer(sign, odd) * forward.load_by_state,
+        "rate_by_state": np.outer(odd, odd) * forward.rate_by_state,
     }  # fmt: skip
     for name, wanted in expected.items():
-        np.testing.assert_allclose(getattr(other, name), wanted, rtol=1e-9, atol=1e-9, err_msg=name)
+        np.testing.assert_allclose(getattr(backward, name), wanted, rtol=1e-9, atol=1e-9, err_msg=name)
 
 
 def test_a_wheel_has_eight_states_at_most():

@@ -32,12 +32,12 @@ def faults(seed):
         return ([] if "\n" not in str(error) else ["a refusal of several lines"]), False, False
     if not len(trace.t):
         return ([] if str(trace.attrs["stop"]).startswith("diverged") else ["no rows and no reason"]), True, True
-    found = [*of_start(chosen, trace), *of_trace(chosen, trace), *of_stop(chosen, trace)]
+    faults_found = [*of_start(chosen, trace), *of_trace(chosen, trace), *of_stop(chosen, trace)]
     if seed % REPEATED == 0 and any(
         chosen.drive(Timing())[name].tobytes() != values.tobytes() for name, values in trace.channels.items()
     ):
-        found.append("another run gives other bytes")
-    return [*found, *of_tolerance(chosen, trace)], True, not says(trace, STEP)
+        faults_found.append("another run gives other bytes")
+    return [*faults_found, *of_tolerance(chosen, trace)], True, not says(trace, STEP)
 
 
 def says(trace, what):
@@ -49,20 +49,26 @@ def of_start(chosen, trace):
     down = set_down(chosen.model, chosen.start)
     off = np.hypot(*(down.state.q[:2] - (chosen.start.x, chosen.start.y)))
     turn = math.remainder(roll_pitch_yaw(down.state.q)[2] - chosen.start.yaw, 2 * math.pi)
-    found = [] if off < 1e-9 and abs(turn) < 1e-9 and not down.state.v.any() else ["it does not start where asked"]
-    return found if trace.attrs["set_down"] == down.standing in (RESTS, SLIDES) else [*found, "its start is not said"]
+    faults_found = (
+        [] if off < 1e-9 and abs(turn) < 1e-9 and not down.state.v.any() else ["it does not start where asked"]
+    )
+    return (
+        faults_found
+        if trace.attrs["set_down"] == down.standing in (RESTS, SLIDES)
+        else [*faults_found, "its start is not said"]
+    )
 
 
 def of_trace(chosen, trace):
-    found = [f"{name} is not finite" for name, values in trace.channels.items() if not np.isfinite(values).all()]
+    faults_found = [f"{name} is not finite" for name, values in trace.channels.items() if not np.isfinite(values).all()]
     turned = max(np.ptp(values) for name, values in trace.channels.items() if name.startswith("energy_"))
     scale = max(turned, trace.stack("normal").sum(axis=1).mean() * min(trace.attrs["wheel_radii_m"]))
     moves = len(trace.t) > 1 and turned > 1e-6 * scale
     if moves and trace.energy_error() > 0.01 and not says(trace, BALANCE):
-        found.append(f"its energy is off by {trace.energy_error():.2g}")
+        faults_found.append(f"its energy is off by {trace.energy_error():.2g}")
     if trace["energy_soil"][-1] < -0.01 * scale and len(trace.t) > 1 and not says(trace, "the "):
-        found.append("the soil gave energy without a word")
-    return [*found, *of_load(chosen, trace)]
+        faults_found.append("the soil gave energy without a word")
+    return [*faults_found, *of_load(chosen, trace)]
 
 
 def of_load(chosen, trace):
@@ -70,7 +76,9 @@ def of_load(chosen, trace):
 
     Elsewhere normal forces have a part along the horizontal: a wheel in a corner is pressed by more than its weight.
     """
-    level = isinstance(chosen.model.terrain, Lanes) and not any(each.z.any() for each in chosen.model.terrain.profiles)
+    level = isinstance(chosen.model.terrain, Lanes) and not any(
+        profile.z.any() for profile in chosen.model.terrain.profiles
+    )
     if not level or trace.t[-1] < 1.0 or any(says(trace, what) for what in (LOAD, STEP, BALANCE)):
         return []
     if abs(load_left(chosen, trace)) <= 0.1:
@@ -95,7 +103,7 @@ def of_stop(chosen, trace):
     if stop == "duration":
         return [] if last["t_s"] == pytest.approx(random_drives.DURATION) else ["it stopped early without a reason"]
     lean = math.acos(math.cos(last["body_roll"]) * math.cos(last["body_pitch"]))
-    sinkage = max(last[f"sinkage_{each.name}"] / each.wheel.r for each in chosen.model.rover.wheels)
+    sinkage = max(last[f"sinkage_{wheel.name}"] / wheel.wheel.r for wheel in chosen.model.rover.wheels)
     speed = max(abs(last[f"body_v{axis}"]) for axis in "xyz")
     true = {
         "capsized": lean > math.radians(59.9),
@@ -109,8 +117,8 @@ def of_stop(chosen, trace):
 
 def overflowed(stop, last):
     """Whether rows that held no numbers were left out at the end."""
-    said = re.search(r"at ([\d.]+) s$", stop)
-    return said is not None and last < float(said[1]) - 1e-6
+    match = re.search(r"at ([\d.]+) s$", stop)
+    return match is not None and last < float(match[1]) - 1e-6
 
 
 def of_tolerance(chosen, trace):
@@ -130,9 +138,9 @@ def of_tolerance(chosen, trace):
 
 def assert_sound(seeds):
     results = {seed: faults(seed) for seed in seeds}
-    assert not {seed: found for seed, (found, _, _) in results.items() if found}
+    assert not {seed: faults_found for seed, (faults_found, _, _) in results.items() if faults_found}
     assert np.mean([drove for _, drove, _ in results.values()]) > 0.5
-    assert np.mean([kept for _, drove, kept in results.values() if drove]) > KEPT
+    assert np.mean([keeps for _, drove, keeps in results.values() if drove]) > KEPT
 
 
 @pytest.mark.slow
@@ -145,9 +153,9 @@ def test_a_start_that_the_soil_throws_off_is_told():
     assert faults(47)[:2] == ([], True)
     trace = random_drives.drive(47).drive(Timing())
     thrown = int(np.argmin(trace["energy_soil"]))
-    told = float(re.search(r"account fell by (\S+) J", " ".join(trace.attrs["warnings"]))[1])
-    assert told == pytest.approx(-trace["energy_soil"][thrown], rel=0.1)
-    assert told == pytest.approx(trace["energy_kinetic"][thrown] - trace["energy_motor"][thrown], rel=0.1)
+    value = float(re.search(r"account fell by (\S+) J", " ".join(trace.attrs["warnings"]))[1])
+    assert value == pytest.approx(-trace["energy_soil"][thrown], rel=0.1)
+    assert value == pytest.approx(trace["energy_kinetic"][thrown] - trace["energy_motor"][thrown], rel=0.1)
 
 
 def test_a_rest_stays_though_a_push_throws_it_off():

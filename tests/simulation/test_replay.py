@@ -22,8 +22,8 @@ NAN = math.nan
 def log(period=0.05, count=40, attrs=None, **channels):
     """A drive along x at 0.1 m/s from 2 s on, its one wheel a at duties that grow by the row."""
     t = 2.0 + period * np.arange(count)
-    usual = {"t_s": t, "body_x": 0.1 * (t - 2.0), "body_y": np.full(count, 0.5), "body_yaw": np.full(count, 0.3)}
-    return Trace({**usual, "duty_a": np.arange(count) / 100.0, **channels}, attrs=attrs or {})
+    default = {"t_s": t, "body_x": 0.1 * (t - 2.0), "body_y": np.full(count, 0.5), "body_yaw": np.full(count, 0.3)}
+    return Trace({**default, "duty_a": np.arange(count) / 100.0, **channels}, attrs=attrs or {})
 
 
 def test_fast_rows_are_averaged_to_50_ms_with_their_last_command():
@@ -36,16 +36,16 @@ def test_fast_rows_are_averaged_to_50_ms_with_their_last_command():
 
 def test_the_duty_between_uneven_rows_is_their_mean():
     """Commands come every 50 ms, rows about then: a row has the command that acts when it is read, early or late."""
-    given = 0.4 + 0.3 * np.sin(np.arange(401) / 40.0)  # of each 50 ms, up to its row
+    duty_given = 0.4 + 0.3 * np.sin(np.arange(401) / 40.0)  # of each 50 ms, up to its row
     t = np.random.default_rng(1).uniform(-0.015, 0.015, 400) + 0.05 * np.arange(400)
-    read = given[np.ceil(t / 0.05 - 1e-9).astype(int).clip(0)]
+    read = duty_given[np.ceil(t / 0.05 - 1e-9).astype(int).clip(0)]
     run = commands(Trace({"t_s": t, "body_x": 0.1 * t, "body_y": 0 * t, "body_yaw": 0 * t, "duty_a": read}), ("a",), ())
-    true = np.interp(run.t - 0.025, 0.05 * np.arange(401) - 0.025, given)  # of the 50 ms before each row
+    true = np.interp(run.t - 0.025, 0.05 * np.arange(401) - 0.025, duty_given)  # of the 50 ms before each row
     missed, rise = run.duty[2:-1, 0] - true[2:-1], np.gradient(true)[2:-1]
     lead = float(missed @ rise / (rise @ rise)) * 0.05
     assert abs(lead) < 0.006, "seconds by which the commands are early"
-    even = commands(log(duty_a=given[:40]), ("a",), ())
-    assert even.duty[:, 0] == pytest.approx(given[:40])
+    even = commands(log(duty_a=duty_given[:40]), ("a",), ())
+    assert even.duty[:, 0] == pytest.approx(duty_given[:40])
 
 
 def test_uneven_rows_are_read_at_the_times_of_the_replay():
@@ -59,9 +59,9 @@ def test_uneven_rows_are_read_at_the_times_of_the_replay():
 
 def test_across_missing_rows_the_duty_is_the_mean_of_both():
     duty = np.where(np.arange(40) < 20, 0.2, 0.6)
-    whole = log(duty_a=duty)
+    log_without_gap = log(duty_a=duty)
     rows = (np.arange(40) < 15) | (np.arange(40) > 24)
-    run = commands(Trace({name: whole[name][rows] for name in whole.channels}), ("a",), ())
+    run = commands(Trace({name: log_without_gap[name][rows] for name in log_without_gap.channels}), ("a",), ())
     assert run.duty[:, 0] == pytest.approx(np.where((np.arange(40) < 15) | (np.arange(40) > 25), duty, 0.4))
 
 
@@ -82,8 +82,8 @@ def test_command_gaps_hold_the_last_and_heading_is_unwrapped():
 def test_a_log_without_duties_is_held_to_its_rates():
     rate = np.linspace(-1.0, 3.0, 40)
     rate[10] = NAN
-    made = log(wheel_rate_a=rate, wheel_rate_b=0.5 * rate)
-    bare = Trace({name: values for name, values in made.channels.items() if name != "duty_a"})
+    rate_log = log(wheel_rate_a=rate, wheel_rate_b=0.5 * rate)
+    bare = Trace({name: values for name, values in rate_log.channels.items() if name != "duty_a"})
     run = commands(bare, ("a", "b"), ())
     assert run.rate_driven
     assert run.rate[:, 0] == pytest.approx(np.linspace(-1.0, 3.0, 40)), "a gap is bridged by a straight line"
@@ -91,8 +91,8 @@ def test_a_log_without_duties_is_held_to_its_rates():
 
 
 def test_a_declared_start_is_taken_and_an_unknown_one_is_refused():
-    told = {"start": {"x": 1.0, "y": 2.0, "yaw": 0.1}}
-    assert commands(log(attrs=told), ("a",), ()).start == Start(1.0, 2.0, 0.1)
+    attributes = {"start": {"x": 1.0, "y": 2.0, "yaw": 0.1}}
+    assert commands(log(attrs=attributes), ("a",), ()).start == Start(1.0, 2.0, 0.1)
     x = np.linspace(0.0, 1.0, 40)
     x[:4] = NAN
     late = commands(log(body_x=x), ("a",), ())
@@ -100,16 +100,16 @@ def test_a_declared_start_is_taken_and_an_unknown_one_is_refused():
     x[4] = NAN
     with pytest.raises(DataError, match=r"0\.25.*declares"):
         commands(log(body_x=x), ("a",), ())
-    assert commands(log(body_x=x, attrs=told), ("a",), ()).start.x == 1.0
+    assert commands(log(body_x=x, attrs=attributes), ("a",), ()).start.x == 1.0
 
 
 def test_a_replay_whose_numbers_are_lost_has_diverged():
     drive = scenario("flat", duration=0.5)
     wheels = tuple(wheel.name for wheel in drive.model.rover.wheels)
     steered = tuple(wheel.name for wheel in drive.model.rover.wheels if wheel.steer_dof is not None)
-    run, rest = commands(drive.drive(), wheels, steered), shared_rest(drive.model, Start())
-    rest.shear[0] = NAN
-    assert replay(drive.model, run, rest_state=rest).stop == "diverged"
+    run, rest_state = commands(drive.drive(), wheels, steered), shared_rest(drive.model, Start())
+    rest_state.shear[0] = NAN
+    assert replay(drive.model, run, rest_state=rest_state).stop == "diverged"
 
 
 @dataclass(frozen=True)
@@ -132,12 +132,12 @@ def test_a_replay_follows_what_runs_away_within_a_row():
     rows = 0.05 * np.arange(len(duty))
     nowhere = np.full((len(duty), 3), NAN)
     run = ReplayCommands(rows, np.tile(duty[:, None], 6), np.zeros((len(duty), 4)), nowhere, Start())
-    rest, lurching = shared_rest(model, Start()), model.having(Lurch())
-    usual, fine = (replay(lurching, run, rest_state=rest, fine=fine) for fine in (False, True))
-    assert (usual.stop, fine.stop) == ("", "")
-    assert len(usual.steps.lengths) < 0.6 * len(fine.steps.lengths)
+    rest_state, lurching = shared_rest(model, Start()), model.having(Lurch())
+    default, fine = (replay(lurching, run, rest_state=rest_state, fine=fine) for fine in (False, True))
+    assert (default.stop, fine.stop) == ("", "")
+    assert len(default.steps.lengths) < 0.6 * len(fine.steps.lengths)
     for name in ("wheel_rate_fl", "wheel_rate_rr"):
-        assert usual.channels[name] == pytest.approx(fine.channels[name], abs=0.1)
+        assert default.channels[name] == pytest.approx(fine.channels[name], abs=0.1)
 
 
 def test_rows_from_the_first_that_is_too_fast_on_are_lost():
@@ -156,9 +156,9 @@ def test_commands_of_other_wheels_than_the_rovers_are_refused():
     """The compiled loop reads as many numbers a row as the rover has wheels: it would read what lies behind them."""
     drive = scenario("flat", duration=0.2)
     model, wheels = drive.model, tuple(wheel.name for wheel in drive.model.rover.wheels)
-    for driven, steered, said in (
+    for driven, steered, message in (
         (wheels, (), "6 driven and 0 steered"),
         (wheels[:4], wheels[:4], "4 driven and 4 steered"),
     ):
-        with pytest.raises(DataError, match=rf"{said}.* 6 and 4"):
+        with pytest.raises(DataError, match=rf"{message}.* 6 and 4"):
             replay(model, commands(drive.drive(), driven, steered))

@@ -99,7 +99,7 @@ def test_ground_made_firmer_by_an_effect_needs_a_finer_step():
     firm = dataclasses.replace(firm, model=firm.model.having(MultiPass(stiffening=5.0)))
     traces = plain.drive(), firm.drive()
     assert traces[1].attrs["dt_s"] < traces[0].attrs["dt_s"]
-    assert not any("average" in each for each in traces[1].attrs["warnings"])
+    assert not any("average" in warning for warning in traces[1].attrs["warnings"])
     state = settled_state(plain.model, Start())
     assert firmness(Kernel(plain.model, state.copy(), 1e-9, False), plain.model) == pytest.approx(1.0, abs=0.15)
 

@@ -75,7 +75,7 @@ def test_rovers(name, load):
 
 
 def test_what_a_rover_carries_is_no_new_function():
-    plain, loaded = (tree_of(each.model) for each in (load_rover("nexus6"), load_rover("nexus6").carrying(3.0)))
+    plain, loaded = (tree_of(rover.model) for rover in (load_rover("nexus6"), load_rover("nexus6").carrying(3.0)))
     assert plain.joints == loaded.joints
     assert not np.array_equal(plain.parameters, loaded.parameters)
 
@@ -123,18 +123,20 @@ def test_the_compiled_body_is_what_pinocchio_says(name):
     """Energies, and what the step sees: the same function, as the compiler has it."""
     rover = load_rover(name)
     soil = Soil()
-    made = Model(rover, shapes.flat(), (soil,), Motor(), RelaxedSlip(), base_effects(soil, rover, SoilTraction()))
-    state = hovering(made, Start(0.1, 0.2, 0.3))
+    model_built = Model(
+        rover, shapes.flat(), (soil,), Motor(), RelaxedSlip(), base_effects(soil, rover, SoilTraction())
+    )
+    state = hovering(model_built, Start(0.1, 0.2, 0.3))
     q, v = random_state(rover.model, np.random.default_rng(2))
     state.q[:], state.v[:] = q, v
-    kernel = Kernel(made, state, 0.005, symmetric=False)
-    model = model_with_armature(made.built, float(made.motor.armature))
+    kernel = Kernel(model_built, state, 0.005, symmetric=False)
+    model = model_with_armature(model_built.built, float(model_built.motor.armature))
     data = model.createData()
     kinetic, potential = kernel.energies()
     same(kinetic, pin.computeKineticEnergy(model, data, q, v))
     same(potential, pin.computePotentialEnergy(model, data, q))
-    made = compiled_body(KeyedModel.of(rover.model))
+    model_built = compiled_body(KeyedModel.of(rover.model))
     rotors = np.diag(model.armature)
-    inertia = kernel.keep["rigid"][: len(made.rows)]
-    same(inertia, (np.triu(pin.crba(model, data, q)) - rotors)[made.rows, made.columns])
+    inertia = kernel.keep["rigid"][: len(model_built.rows)]
+    same(inertia, (np.triu(pin.crba(model, data, q)) - rotors)[model_built.rows, model_built.columns])
     same(kernel.keep["nle"][: model.nv], pin.nonLinearEffects(model, data, q, v))

@@ -35,12 +35,12 @@ def test_a_drive_without_vector_math_is_the_same(tmp_path):
 
     vectors = bool(level() and has_vector_math())
     code = DRIVE.replace("VECTORS", str(vectors))
-    for how in ("lanes", "scalar", "portable"):
-        variables = {**os.environ, "ROVER_PIN_CACHE": str(tmp_path / f"cache-{how}"), "ROVER_PIN_PORTABLE": "0"}
-        variables |= {"ROVER_PIN_PORTABLE": "1"} if how == "portable" else {}
-        (tmp_path / f"cache-{how}").mkdir(mode=0o700)
-        subprocess.run([sys.executable, "-c", code, how, str(tmp_path / how)], check=True, timeout=300, env=variables)
-    lanes, scalar, portable = (np.load(tmp_path / f"{how}.npz") for how in ("lanes", "scalar", "portable"))
+    for path in ("lanes", "scalar", "portable"):
+        variables = {**os.environ, "ROVER_PIN_CACHE": str(tmp_path / f"cache-{path}"), "ROVER_PIN_PORTABLE": "0"}
+        variables |= {"ROVER_PIN_PORTABLE": "1"} if path == "portable" else {}
+        (tmp_path / f"cache-{path}").mkdir(mode=0o700)
+        subprocess.run([sys.executable, "-c", code, path, str(tmp_path / path)], check=True, timeout=300, env=variables)
+    lanes, scalar, portable = (np.load(tmp_path / f"{path}.npz") for path in ("lanes", "scalar", "portable"))
     for name in lanes.files:
         scale = max(float(np.max(np.abs(lanes[name]))), 1e-3)
         assert float(np.max(np.abs(lanes[name] - scalar[name]))) < 1e-11 * scale, name

@@ -103,27 +103,29 @@ def test_each_channel_has_the_noise_and_the_step_of_its_kind(channel):
 
 def reading(count):
     """A reading of many wheels and joints, all at rest."""
-    given = {each.name: 0.0 for each in dataclasses.fields(Reading)}
+    fields = {field.name: 0.0 for field in dataclasses.fields(Reading)}
     rooms = dict.fromkeys(("wheel_rate", "current", "suspension"), np.full(count, 0.1))
-    return Reading(**{**given, **rooms, "attitude": (0.1, 0.2, 0.3)})
+    return Reading(**{**fields, **rooms, "attitude": (0.1, 0.2, 0.3)})
 
 
 def test_rates_currents_joints_and_attitude_have_noise_and_steps():
     read = []
-    sensed = NoisyController(lambda asked: read.append(asked) or 0.5, SENSORS, 3)
+    sensed = NoisyController(lambda reading_now: read.append(reading_now) or 0.5, SENSORS, 3)
     assert sensed(reading(40000)) == 0.5
-    (one,) = read
-    assert np.std(one.current) == pytest.approx(float(SENSORS.current_sd), rel=0.02)
-    assert np.mean(one.current) == pytest.approx(0.1, abs=1e-3)
-    for values, step in ((one.wheel_rate, 0.5), (one.suspension, 0.25)):
+    (sensed_reading,) = read
+    assert np.std(sensed_reading.current) == pytest.approx(float(SENSORS.current_sd), rel=0.02)
+    assert np.mean(sensed_reading.current) == pytest.approx(0.1, abs=1e-3)
+    for values, step in ((sensed_reading.wheel_rate, 0.5), (sensed_reading.suspension, 0.25)):
         assert values / step == pytest.approx(np.round(values / step), abs=1e-12)
-    rough = NoisyController(lambda asked: read.append(asked) or 0.5, SENSORS.replace(rate_sd=0.6, angle_sd=0.3), 3)
+    rough = NoisyController(
+        lambda reading_now: read.append(reading_now) or 0.5, SENSORS.replace(rate_sd=0.6, angle_sd=0.3), 3
+    )
     rough(reading(40000))
     for values, sd, step in ((read[1].wheel_rate, 0.6, 0.5), (read[1].suspension, 0.3, 0.25)):
         assert np.std(values) == pytest.approx(np.hypot(sd, step / 12**0.5), rel=0.02)
         assert np.mean(values) == pytest.approx(0.1, abs=0.01)
-    assert one.attitude != (0.1, 0.2, 0.3)
-    assert one.attitude == pytest.approx((0.1, 0.2, 0.3), abs=5.0 * float(SENSORS.attitude_sd))
+    assert sensed_reading.attitude != (0.1, 0.2, 0.3)
+    assert sensed_reading.attitude == pytest.approx((0.1, 0.2, 0.3), abs=5.0 * float(SENSORS.attitude_sd))
 
 
 def test_a_reset_begins_the_noise_and_the_controller_again():
@@ -148,4 +150,4 @@ def test_a_reset_begins_the_noise_and_the_controller_again():
     assert np.array_equal(first, again)
     assert not np.array_equal(first, second)
     assert counts.resets == 3, "as it is made, and each time"
-    assert NoisyController(lambda asked: 0.25, Sensors(), 5)(reading(4)) == 0.25, "one without a reset"
+    assert NoisyController(lambda reading_now: 0.25, Sensors(), 5)(reading(4)) == 0.25, "one without a reset"

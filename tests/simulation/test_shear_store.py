@@ -13,8 +13,8 @@ from rover_pin.simulation.outcome.soil_energy import ShearStore, shear_store, sp
 
 @pytest.fixture(scope="module")
 def flat():
-    made = scenario("flat", soil="table-1", duration=1.0, **{"effect.RelaxedSlip.damping": 0.0})
-    return made.model, made.drive()
+    case = scenario("flat", soil="table-1", duration=1.0, **{"effect.RelaxedSlip.damping": 0.0})
+    return case.model, case.drive()
 
 
 def M(model, S):
@@ -56,25 +56,25 @@ def test_the_state_lags_behind_the_slip_by_its_damping(flat):
     model, trace = flat
     damped = model.having(dataclasses.replace(model.slip, damping=0.1))
     rows = 2000
-    made = sheared(trace, [0.1, *[0.3] * (rows - 1)], 20.0)
-    half = int(np.searchsorted(made.t, 0.05 + 0.1 * np.log(2.0)))
-    held = shear_store(damped, made).stored
+    sheared_trace = sheared(trace, [0.1, *[0.3] * (rows - 1)], 20.0)
+    half = int(np.searchsorted(sheared_trace.t, 0.05 + 0.1 * np.log(2.0)))
+    stored = shear_store(damped, sheared_trace).stored
     there = shear_store(model, sheared(trace, [0.2] * 2, 20.0)).stored[0]
-    assert held[half] == pytest.approx(there, rel=2e-3)
+    assert stored[half] == pytest.approx(there, rel=2e-3)
 
 
 @pytest.mark.parametrize(("name", "settings"), [("ditch", {"soil.k": 0.01}), ("bump", {}), ("washboard", {})])
 def test_scenario_drive_regains_its_stored_energy_and_no_more(name, settings, monkeypatch):
     """Without its store the ditch was told of .021 J from nowhere; of the power nothing is left over but rounding."""
-    made = scenario(name, soil="table-1", **settings)
-    trace = made.drive()
-    assert not any("nowhere" in each for each in trace.attrs["warnings"])
-    real = shear_store(made.model, trace)
-    monkeypatch.setattr(soil_energy, "shear_store", lambda *given: ShearStore(0.0 * real.taken, 0.0 * real.stored))
-    bare = spurious_energy(made.model, trace).traction
+    case = scenario(name, soil="table-1", **settings)
+    trace = case.drive()
+    assert not any("nowhere" in warning for warning in trace.attrs["warnings"])
+    real = shear_store(case.model, trace)
+    monkeypatch.setattr(soil_energy, "shear_store", lambda *value: ShearStore(0.0 * real.taken, 0.0 * real.stored))
+    bare = spurious_energy(case.model, trace).traction
     assert bare > 0.004
-    monkeypatch.setattr(soil_energy, "shear_store", lambda *given: ShearStore(real.taken, 1e9 + real.stored))
-    assert spurious_energy(made.model, trace).traction < 0.05 * bare
+    monkeypatch.setattr(soil_energy, "shear_store", lambda *value: ShearStore(real.taken, 1e9 + real.stored))
+    assert spurious_energy(case.model, trace).traction < 0.05 * bare
 
 
 def test_a_rover_that_turns_on_rocks_is_not_accused():

@@ -127,11 +127,11 @@ def test_the_step_is_of_second_order_under_way():
 def test_a_drop_settles_with_damping():
     model = made("flat")
     state = settled_state(model, Start())
-    rest = state.q[2]
+    rest_height = state.q[2]
     state.q[2] += 0.012
     trace = simulate(model, ConstantDuty(0.0), 2.0, state)
     assert np.ptp(trace["body_z"][trace["t_s"] > 1.0]) < 1e-5
-    assert trace["body_z"][-1] == pytest.approx(rest, abs=1e-4)
+    assert trace["body_z"][-1] == pytest.approx(rest_height, abs=1e-4)
     bouncing = simulate(model.having(NormalDamping(d=0.0)), ConstantDuty(0.0), 2.0, state)
     assert np.ptp(bouncing["body_z"][bouncing["t_s"] > 1.0]) > 1e-3
 
@@ -149,11 +149,11 @@ def test_a_buried_wheel_stops_the_drive():
 def test_how_deep_a_buried_wheel_is_can_be_set():
     """The same drive, only longer: it goes on where the usual cut ended it."""
     digging = {"add": "DiggingMemory.c_d=0.2", "terrain.angle_deg": 9.0, "terrain.start": -5.0, "duration": 20.0}
-    usual, deep = (scenario("incline", soil="table-1", **digging, **cut).drive() for cut in ({}, {"buried": 0.9}))
-    rows = len(usual.t)
-    assert usual.attrs["stop"].startswith("buried")
+    trace, deep = (scenario("incline", soil="table-1", **digging, **cut).drive() for cut in ({}, {"buried": 0.9}))
+    rows = len(trace.t)
+    assert trace.attrs["stop"].startswith("buried")
     assert deep.attrs["stop"] == "duration"
-    assert np.array_equal(usual["body_x"], deep["body_x"][:rows])
+    assert np.array_equal(trace["body_x"], deep["body_x"][:rows])
     assert deep.stack("sinkage").max() > 0.5 * 0.045
     for wrong in (0.0, 0.99, float("nan")):
         with pytest.raises(ParameterError, match="buried ="):
@@ -198,7 +198,7 @@ def test_having_replaces_one_of_the_same_class_and_adds_another():
 
 def test_model_holds_one_effect_per_class_wheel_and_channel():
     model = made("flat").having(WeakMotor(g=0.1, wheel=0)).having(WeakMotor(g=0.2, wheel=3))
-    assert [each.g for each in model.having(WeakMotor(g=0.3, wheel=3)).motor_effects] == [0.1, 0.3]
+    assert [motor_effect.g for motor_effect in model.having(WeakMotor(g=0.3, wheel=3)).motor_effects] == [0.1, 0.3]
     for wheel in ("fl", "mr"):
         model = model.having(TachoScale(wheel=wheel))
     model = model.having(SensorBias(channel="body_roll")).having(SensorBias(channel="body_pitch"))

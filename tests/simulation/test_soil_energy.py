@@ -15,8 +15,8 @@ STIFF = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03}
 
 
 def driven(name, **settings):
-    made = scenario(name, soil="table-1", **settings)
-    return made.model, made.drive()
+    case = scenario(name, soil="table-1", **settings)
+    return case.model, case.drive()
 
 
 @pytest.mark.parametrize(
@@ -32,8 +32,8 @@ def test_forms_without_compaction_give_nothing_at_negative_slip(name, settings):
     """They gave 4 to 37 % of the motors' work before the torque had to pay for the pull; the account is in order."""
     model, trace = driven(name, **settings)
     assert trace.stack("slip").min() < -0.07
-    found = spurious_energy(model, trace)
-    assert found.traction < 0.015 * trace["energy_motor"].max(), "what is left is a slip that lags"
+    energy = spurious_energy(model, trace)
+    assert energy.traction < 0.015 * trace["energy_motor"].max(), "what is left is a slip that lags"
     assert trace.energy_error() < 0.01
 
 
@@ -42,9 +42,9 @@ def test_the_rate_of_a_wheel_is_that_of_the_world():
     model, trace = driven("ditch", slip="algebraic", **{"soil.k": 0.0025})
     rim = 0.045 * (trace.stack("wheel_rate") + carrier_rates(model, trace))
     v = trace.stack("travel")
-    own = (rim - v) / np.maximum(rim, v)
+    slip = (rim - v) / np.maximum(rim, v)
     bare = (0.045 * trace.stack("wheel_rate") - v) / np.maximum(rim, v)
-    off, off_bare = (np.median(np.abs(each - trace.stack("slip"))[60:300]) for each in (own, bare))
+    off, off_bare = (np.median(np.abs(trace_driven - trace.stack("slip"))[60:300]) for trace_driven in (slip, bare))
     assert off < 0.3 * off_bare
 
 
@@ -54,13 +54,18 @@ def test_what_pressed_a_wheel_in_comes_back_as_it_lifts(fall):
     model, trace = driven("flat", duration=1.0)
     h = np.concatenate([np.linspace(0.004, 0.001, 1001), np.linspace(0.001, 0.003, 1001)])
     load = 8e4 * h ** (float(model.soils[0].n) + 0.5)
-    held = cumulative_trapezoid(load, h, initial=0.0)
+    trapezoid = cumulative_trapezoid(load, h, initial=0.0)
     lost = fall * np.concatenate([np.linspace(0.0, -1.0, 1001), np.linspace(-1.0, 1.0, 1001)])
     channels = {name: np.resize(values, 2002) * 0.0 for name, values in trace.channels.items()}
-    channels |= {"t_s": np.linspace(0.05, 5.0, 2002), "sinkage_fl": h, "normal_fl": load, "energy_soil": held + lost}
-    made = dataclasses.replace(trace, channels=channels, attrs={})
-    assert spurious_energy(model, made).soil == pytest.approx(fall, abs=2e-5)
-    assert spurious_energy(model, made).traction == 0.0
+    channels |= {
+        "t_s": np.linspace(0.05, 5.0, 2002),
+        "sinkage_fl": h,
+        "normal_fl": load,
+        "energy_soil": trapezoid + lost,
+    }
+    changed_trace = dataclasses.replace(trace, channels=channels, attrs={})
+    assert spurious_energy(model, changed_trace).soil == pytest.approx(fall, abs=2e-5)
+    assert spurious_energy(model, changed_trace).traction == 0.0
 
 
 @pytest.mark.parametrize(
@@ -77,7 +82,7 @@ def test_what_pressed_a_wheel_in_comes_back_as_it_lifts(fall):
 )
 def test_a_drive_that_pays_for_its_way_gets_no_warning(name, settings):
     _, trace = driven(name, **settings)
-    assert not any("nowhere" in each for each in trace.attrs["warnings"])
+    assert not any("nowhere" in warning for warning in trace.attrs["warnings"])
 
 
 def test_the_net_form_gives_nothing_at_any_slip():
@@ -86,7 +91,7 @@ def test_the_net_form_gives_nothing_at_any_slip():
 
 
 @pytest.mark.parametrize(
-    ("add", "settings", "told"),
+    ("add", "settings", "message"),
     [
         ("MultiPass", {}, [("MultiPass", "torque form")]),
         ("MultiPass", {"form": "net", "angles": "sinkage"}, []),
@@ -98,26 +103,26 @@ def test_the_net_form_gives_nothing_at_any_slip():
         ("LoadExponent", {"form": "net"}, [("LoadExponent", "net form")]),
     ],
 )
-def test_a_drive_notes_where_sinking_or_rising_costs_nothing(add, settings, told):
+def test_a_drive_notes_where_sinking_or_rising_costs_nothing(add, settings, message):
     notes = scenario("flat", soil="table-1", duration=0.5, add=add, **settings).drive().summary().get("notes", [])
-    assert len(notes) == len(told)
-    assert all(word in note for words, note in zip(told, notes, strict=True) for word in words)
+    assert len(notes) == len(message)
+    assert all(word in note for words, note in zip(message, notes, strict=True) for word in words)
 
 
 def test_traction_that_gives_is_told():
     model, trace = driven("flat", duration=1.0)
     for name in WHEELS:
         trace.channels[f"torque_{name}"] = 0.5 * trace[f"torque_{name}"]
-    found = energy_warning(model, trace)
-    assert "from nowhere" in found
-    assert "account" not in found
+    warning = energy_warning(model, trace)
+    assert "from nowhere" in warning
+    assert "account" not in warning
 
 
 @pytest.mark.parametrize("v", [1e-4, 1e-3, 0.04])
 def test_resistance_paid_by_a_pull_fades_with_travel_over_rim(v):
     """One wheel at 1 rad/s under 20 N that pulls by 1 N and asks for no torque: all that it pulls with is a gift."""
     model, trace = driven("flat", slip="algebraic", duration=0.1)
-    (resists,) = (each for each in model.effects if isinstance(each, MotionResistance))
+    (resists,) = (effect for effect in model.effects if isinstance(effect, MotionResistance))
     channels = {name: np.zeros(2) for name in trace.channels} | {"t_s": np.array([0.0, 2.0])}
     wheel = {"normal": 20.0, "tangential": 1.0, "travel": v, "wheel_rate": 1.0}
     channels |= {f"{name}_fl": np.full(2, value) for name, value in wheel.items()}

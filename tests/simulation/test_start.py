@@ -156,6 +156,8 @@ def test_a_rover_is_set_down_from_where_its_lowest_wheel_touches(case):
 def test_pivot_friction_is_ignored_while_a_rover_is_placed():
     """So much that its bogies would stay where they were in the air."""
     model = scenario("rocks", soil="table-1").model
-    bare, stiff = (settled_state(each, Start(0.7)) for each in (model, model.having(PivotFriction(tau_c=0.2, b=5.0))))
+    bare, stiff = (
+        settled_state(model_built, Start(0.7)) for model_built in (model, model.having(PivotFriction(tau_c=0.2, b=5.0)))
+    )
     assert np.array_equal(bare.q, stiff.q)
     assert np.array_equal(bare.contact, stiff.contact)

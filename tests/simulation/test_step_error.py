@@ -40,8 +40,8 @@ def test_errors_are_twice_those_of_first_order():
     """Rows by hand: 2 mm aside at the end, and a load that is 3 % more on one wheel."""
     rows, finer = rows_at(np.linspace(0.0, 1.0, 20)), rows_at(np.linspace(0.0, 1.0, 20))
     normal = RECORD.index("normal")
-    for each in (rows, finer):
-        each["record"][:, :, normal] = 10.0
+    for trace in (rows, finer):
+        trace["record"][:, :, normal] = 10.0
     finer["q"][-1, 1], finer["record"][:, 2, normal] = 2e-3, 10.3
     half = step_change((rows, "duration"), (finer, "duration"), 0.5)
     assert half.errors == pytest.approx({"step_error_m": 8e-3, "step_error_load": 0.12})
@@ -65,8 +65,8 @@ def test_steps_that_were_not_taken_are_whole():
 
 def test_the_plain_step_measures_the_same_error():
     """A turn begins with steps that are divided."""
-    made = scenario("turn", duration=0.2)
-    drives = (drive(made.model, made.controller, 0.2, made.start) for drive in (plain_simulate, simulate))
+    case = scenario("turn", duration=0.2)
+    drives = (drive(case.model, case.controller, 0.2, case.start) for drive in (plain_simulate, simulate))
     plain, compiled = (trace.attrs["step_error_m"] for trace in drives)
     assert plain == pytest.approx(compiled, rel=1e-6)
 
@@ -77,80 +77,83 @@ def test_the_plain_step_measures_the_same_error():
 )
 def test_the_error_is_that_of_a_drive_at_a_sixteenth(scene, duration):
     """Of steps that forces divide too: one at twice the step divides them as finely, and stated 0.2 of the true."""
-    made = scenario(scene, duration=duration)
-    own = made.drive()
-    assert apart(own, finest(made, own)) <= own.attrs["step_error_m"] + (duration > 2.0) * 1e-6
+    case = scenario(scene, duration=duration)
+    trace = case.drive()
+    assert apart(trace, finest(case, trace)) <= trace.attrs["step_error_m"] + (duration > 2.0) * 1e-6
 
 
 def test_an_on_board_estimate_is_asked_anew():
     """Its commands follow from what it believes: a drive under those that it gave would know no error of theirs."""
-    made = scenario("hills", control="onboard", duration=3.0)
-    made.drive(measure_error=False)
-    again = repeating(made.controller, rows_at([0.0], made.model), made.timing)
-    assert type(again) is type(made.controller)
-    assert again.controller.estimate is again.estimate is not made.controller.estimate
-    once_more = dataclasses.replace(made, controller=again).drive(measure_error=False)
-    first = made.drive(measure_error=False)
+    case = scenario("hills", control="onboard", duration=3.0)
+    case.drive(measure_error=False)
+    again = repeating(case.controller, rows_at([0.0], case.model), case.timing)
+    assert type(again) is type(case.controller)
+    assert again.controller.estimate is again.estimate is not case.controller.estimate
+    once_more = dataclasses.replace(case, controller=again).drive(measure_error=False)
+    first = case.drive(measure_error=False)
     assert once_more["body_x"].tobytes() == first["body_x"].tobytes()
-    twin = copy.deepcopy(made.controller)
-    on = [simulate(made.model, each, 1.0, first.end, made.timing)["body_x"] for each in (twin, made.controller)]
+    twin = copy.deepcopy(case.controller)
+    on = [
+        simulate(case.model, controller, 1.0, first.end, case.timing)["body_x"]
+        for controller in (twin, case.controller)
+    ]
     assert on[0].tobytes() == on[1].tobytes(), "a copy believes what the first does, and each goes its own way"
 
 
-def finest(chosen, own):
+def finest(chosen, settings):
     """Return x and y at a sixteenth of the step that a drive took."""
-    divided = 16 * round(chosen.timing.dt / own.attrs["dt_s"])
+    divided = 16 * round(chosen.timing.dt / settings.attrs["dt_s"])
     timing = dataclasses.replace(chosen.timing, divided=divided)
     return dataclasses.replace(chosen, timing=timing).drive(measure_error=False)
 
 
-def apart(one, other):
-    return float(np.hypot(one["body_x"] - other["body_x"], one["body_y"] - other["body_y"]).max())
+def apart(first, second):
+    return float(np.hypot(first["body_x"] - second["body_x"], first["body_y"] - second["body_y"]).max())
 
 
 @pytest.mark.slow
 def test_a_finer_tolerance_takes_a_finer_step_and_is_kept():
     """The edge of a step of the ground; the usual step is within 0.01 mm there."""
     chosen = scenario("step", form="net", duration=8.0)
-    found = []
+    errors_found = []
     for tolerance in (1e-5, 1e-6, 3e-7):
-        own = dataclasses.replace(chosen, timing=Timing(tolerance=tolerance)).drive()
-        assert own.attrs["step_error_m"] <= tolerance
-        assert own.attrs["warnings"] == []
-        assert apart(own, finest(chosen, own)) <= tolerance
-        found.append((own.attrs["dt_s"], own.attrs["step_error_m"]))
-    assert found == sorted(found, reverse=True)
-    assert found[0][0] > found[-1][0]
+        trace = dataclasses.replace(chosen, timing=Timing(tolerance=tolerance)).drive()
+        assert trace.attrs["step_error_m"] <= tolerance
+        assert trace.attrs["warnings"] == []
+        assert apart(trace, finest(chosen, trace)) <= tolerance
+        errors_found.append((trace.attrs["dt_s"], trace.attrs["step_error_m"]))
+    assert errors_found == sorted(errors_found, reverse=True)
+    assert errors_found[0][0] > errors_found[-1][0]
 
 
 def test_a_refined_drive_takes_its_usual_steps_in_parts():
     """To the bit, its controller's memory included; it can go on."""
-    made = scenario("ditch", control="true", duration=1.0)
-    strict = dataclasses.replace(made, timing=Timing(tolerance=1e-9)).drive()
-    memory = np.array(made.controller.integral)
+    case = scenario("ditch", control="true", duration=1.0)
+    strict = dataclasses.replace(case, timing=Timing(tolerance=1e-9)).drive()
+    memory = np.array(case.controller.integral)
     fine = Timing(divided=MAX_REFINEMENT)
-    state = settled_state(made.model, made.start, made.symmetric)
-    job = DriveJob(Kernel, run_compiled, made.model, made.controller, 1.0, Timing(), made.symmetric, None, False)
+    state = settled_state(case.model, case.start, case.symmetric)
+    job = DriveJob(Kernel, run_compiled, case.model, case.controller, 1.0, Timing(), case.symmetric, None, False)
     lengths = np.repeat(drive_from(job, state).run.lengths / MAX_REFINEMENT, MAX_REFINEMENT)
     plain = drive_from(job._replace(timing=fine), state, lengths)
     assert strict.attrs["dt_s"] == pytest.approx(Timing().dt / MAX_REFINEMENT)
     assert np.array_equal(strict["body_x"], plain.rows["q"][:, 0])
-    assert np.array_equal(memory, made.controller.integral)
-    assert any("exceeds the tolerance" in each for each in strict.attrs["warnings"])
-    by_itself = dataclasses.replace(made, timing=fine).drive(measure_error=False)
+    assert np.array_equal(memory, case.controller.integral)
+    assert any("exceeds the tolerance" in warning for warning in strict.attrs["warnings"])
+    by_itself = dataclasses.replace(case, timing=fine).drive(measure_error=False)
     ends = [
-        simulate(made.model, made.controller, 0.5, end, timing, symmetric=made.symmetric)["body_x"][-1]
+        simulate(case.model, case.controller, 0.5, end, timing, symmetric=case.symmetric)["body_x"][-1]
         for end, timing in ((strict.end, Timing(tolerance=1e-9)), (by_itself.end, fine))
     ]
     assert ends[0] == pytest.approx(ends[1], abs=1e-6)
 
 
 def test_a_controller_of_ones_own_is_asked_once_and_told():
-    asked = []
-    own = lambda reading: asked.append(reading.t) or 0.3 + 0.1 * np.sin(8.0 * reading.t)  # noqa: E731
-    trace = simulate(scenario("flat").model, own, 1.0, timing=Timing(tolerance=1e-9))
-    assert (trace.attrs["dt_s"], len(asked)) == (Timing().dt, 20)
-    assert any("exceeds the tolerance" in each for each in trace.attrs["warnings"])
+    call_times = []
+    user_law = lambda reading: call_times.append(reading.t) or 0.3 + 0.1 * np.sin(8.0 * reading.t)  # noqa: E731
+    trace = simulate(scenario("flat").model, user_law, 1.0, timing=Timing(tolerance=1e-9))
+    assert (trace.attrs["dt_s"], len(call_times)) == (Timing().dt, 20)
+    assert any("exceeds the tolerance" in warning for warning in trace.attrs["warnings"])
 
 
 def test_what_halving_does_not_lessen_is_told():
@@ -172,13 +175,13 @@ def test_the_worse_of_two_changes_is_the_greater_error():
     assert half.or_worse(double).errors == pytest.approx(wanted) == double.or_worse(half).errors
 
 
-@pytest.mark.parametrize(("control", "same"), [(0.05, True), (0.1, True), (0.02, False)])
-def test_commands_are_repeated_where_the_rows_hold_them(control, same):
+@pytest.mark.parametrize(("control", "is_same"), [(0.05, True), (0.1, True), (0.02, False)])
+def test_commands_are_repeated_where_the_rows_hold_them(control, is_same):
     """Where the controller is slower than the rows."""
-    asked = []
+    call_times = []
 
     def own(reading):
-        asked.append(reading.t)
+        call_times.append(reading.t)
         return 0.3 + 0.1 * np.sin(8.0 * reading.t)
 
     timing = Timing(control=control)
@@ -186,27 +189,31 @@ def test_commands_are_repeated_where_the_rows_hold_them(control, same):
     trace = simulate(drive.model, own, 1.0, timing=timing)
     rows = rows_at(trace["body_x"], drive.model)
     rows["t"], rows["duty"] = trace.t, trace.stack("duty")
-    calls = len(asked)
+    calls = len(call_times)
     again = repeating(own, rows, timing)
-    assert (again is not None) is same
+    assert (again is not None) is is_same
     if again:
         once_more = simulate(drive.model, again, 1.0, timing=timing)
         assert once_more["body_x"].tobytes() == trace["body_x"].tobytes()
-    assert len(asked) == calls, "a controller of one's own is not asked twice"
+    assert len(call_times) == calls, "a controller of one's own is not asked twice"
 
 
 @pytest.mark.parametrize("within", ["sensors", "limit"])
 def test_what_holds_ones_own_controller_does_not_ask_it_again(within):
-    model, asked = scenario("flat").model, []
-    own = lambda reading: asked.append(reading.t) or 0.3  # noqa: E731
-    held = NoisyController(own, Sensors(), 1) if within == "sensors" else TorqueLimited(own, TorqueLimit.at_slip(model))
-    trace = simulate(model, held, 0.5)
+    model, call_times = scenario("flat").model, []
+    user_law = lambda reading: call_times.append(reading.t) or 0.3  # noqa: E731
+    wrapped = (
+        NoisyController(user_law, Sensors(), 1)
+        if within == "sensors"
+        else TorqueLimited(user_law, TorqueLimit.at_slip(model))
+    )
+    trace = simulate(model, wrapped, 0.5)
     rows = rows_at(trace["body_x"], model)
     rows["t"], rows["duty"] = trace.t, trace.stack("duty")
-    calls = len(asked)
-    once_more = simulate(model, repeating(held, rows, Timing()), 0.5, measure_error=False)
+    calls = len(call_times)
+    once_more = simulate(model, repeating(wrapped, rows, Timing()), 0.5, measure_error=False)
     assert once_more["body_x"].tobytes() == trace["body_x"].tobytes()
-    assert len(asked) == calls
+    assert len(call_times) == calls
 
 
 def test_a_part_that_goes_on_has_no_start_to_drive_again_from():
@@ -218,37 +225,37 @@ def test_a_part_that_goes_on_has_no_start_to_drive_again_from():
 
 def test_measuring_leaves_controller_and_drive_as_they_were():
     """On ground that bears twice the step; elsewhere the drive that is measured is the one in halves."""
-    made = scenario("ditch", duration=1.0, control="true", dt=0.005)
-    without = made.drive(measure_error=False)
-    integral = np.array(made.controller.integral)
-    doubted = made.drive()
-    assert np.array_equal(made.controller.integral, integral)
+    case = scenario("ditch", duration=1.0, control="true", dt=0.005)
+    without = case.drive(measure_error=False)
+    integral = np.array(case.controller.integral)
+    doubted = case.drive()
+    assert np.array_equal(case.controller.integral, integral)
     assert all(doubted[name].tobytes() == without[name].tobytes() for name in without.channels)
 
 
 def test_the_package_s_controllers_start_anew():
-    made = scenario("ditch", duration=0.5, control="true")
-    trace = made.drive()
-    again = repeating(made.controller, rows_at(trace["body_x"], made.model), Timing())
-    assert again is not made.controller
+    case = scenario("ditch", duration=0.5, control="true")
+    trace = case.drive()
+    again = repeating(case.controller, rows_at(trace["body_x"], case.model), Timing())
+    assert again is not case.controller
     assert np.all(np.asarray(again.integral) == 0.0)
     assert isinstance(repeating(ConstantDuty(0.3), rows_at([0.0]), Timing(control=0.02)), ConstantDuty)
 
 
 def test_where_nobody_reads_the_error_nothing_is_driven_twice(monkeypatch):
-    made = scenario("ditch", duration=1.0, dt=0.005)
-    settled = made.drive()
+    case = scenario("ditch", duration=1.0, dt=0.005)
+    settled = case.drive()
 
-    def refuse(*given):
+    def refuse(*value):
         raise AssertionError("driven again")
 
     monkeypatch.setattr("rover_pin.simulation.stepping.tolerance.step_change", refuse)
-    once = made.drive(measure_error=False)
+    once = case.drive(measure_error=False)
     assert all(once[name].tobytes() == settled[name].tobytes() for name in settled.channels)
     assert "step_error_m" not in once.attrs
     drive_full(DriveCase("ditch", "ditch", (("duration", 1.0),)), ConstantDuty())
     with pytest.raises(AssertionError, match="driven again"):
-        made.drive()
+        case.drive()
 
 
 def usual_drives():
@@ -268,19 +275,19 @@ def drives_at_the_bounds():
 
 def judged(chosen):
     """Return the errors of x and y and of loads against a sixteenth of the step, those stated, and if it is kept."""
-    own = chosen.drive()
-    if "step_error_m" not in own.attrs:
+    driven = chosen.drive()
+    if "step_error_m" not in driven.attrs:
         return None
     base = chosen.drive(measure_error=False).attrs["dt_s"]
-    divided = max(16, 4 * round(base / own.attrs["dt_s"]))
+    divided = max(16, 4 * round(base / driven.attrs["dt_s"]))
     exact = dataclasses.replace(chosen, timing=dataclasses.replace(chosen.timing, divided=divided))
     exact = exact.drive(measure_error=False)
-    n = min(len(own.t), len(exact.t))
-    off = np.hypot(*(own[name][:n] - exact[name][:n] for name in ("body_x", "body_y"))).max()
-    load, exact_load = (each.stack("normal")[:n].mean(axis=0) for each in (own, exact))
-    kept = not any("exceeds the tolerance" in each for each in own.attrs["warnings"])
+    n = min(len(driven.t), len(exact.t))
+    off = np.hypot(*(driven[name][:n] - exact[name][:n] for name in ("body_x", "body_y"))).max()
+    load, exact_load = (trace.stack("normal")[:n].mean(axis=0) for trace in (driven, exact))
+    keeps = not any("exceeds the tolerance" in warning for warning in driven.attrs["warnings"])
     share = np.abs(load - exact_load).max() / exact_load.mean()
-    return off, own.attrs["step_error_m"], share, own.attrs["step_error_load"], kept
+    return off, driven.attrs["step_error_m"], share, driven.attrs["step_error_load"], keeps
 
 
 @pytest.mark.nightly
@@ -290,16 +297,18 @@ def test_drives_keep_their_tolerance_and_state_their_error(drives, capsys):
     for chosen in drives():
         with contextlib.suppress(RoverPinError):
             table += filter(None, [judged(chosen)])
-    off, stated, load, stated_load, kept = np.array(table, dtype=float).T
-    kept, low = kept > 0.0, off > stated + 1e-6
-    ratio, load_ratio = np.median(stated / off), np.median(stated_load / load)
+    off, stated_error, load, stated_load, keeps = np.array(table, dtype=float).T
+    keeps, low = keeps > 0.0, off > stated_error + 1e-6
+    ratio, load_ratio = np.median(stated_error / off), np.median(stated_load / load)
     with capsys.disabled():
-        print(f"\n{drives.__name__}: {len(off)}, {kept.sum()} within their tolerance")
-        print(f"  these off by at most {1e3 * off[kept].max():.2g} mm and {100 * load[kept].max():.2g} % of the loads")
+        print(f"\n{drives.__name__}: {len(off)}, {keeps.sum()} within their tolerance")
+        print(
+            f"  these off by at most {1e3 * off[keeps].max():.2g} mm and {100 * load[keeps].max():.2g} % of the loads"
+        )
         print(f"  stated over true, in the median: {ratio:.2g} in place, {load_ratio:.2g} of the loads")
-        print(f"  stated too low by more than 1 um: {low.sum()}, {(low & kept).sum()} of them within their tolerance")
-    assert (off[kept] <= TOLERANCE).all()
-    assert (load[kept] <= LOADS * TOLERANCE).all()
-    assert kept.mean() > (0.9 if drives is usual_drives else 0.6)
+        print(f"  stated too low by more than 1 um: {low.sum()}, {(low & keeps).sum()} of them within their tolerance")
+    assert (off[keeps] <= TOLERANCE).all()
+    assert (load[keeps] <= LOADS * TOLERANCE).all()
+    assert keeps.mean() > (0.9 if drives is usual_drives else 0.6)
     assert low.mean() < 0.05
     assert 1.0 < ratio < 10.0, "the aim is 5"

@@ -43,11 +43,11 @@ def parts():
     """The step as a library, with doors to inner functions."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(toolchain, "FLAGS", ("-O0", *toolchain.FLAGS[1:]))
-        made = toolchain.shared_library(native.source() + PROBES, "parts")
+        library = toolchain.shared_library(native.source() + PROBES, "parts")
     pointer = ctypes.POINTER(ctypes.c_double)
-    made.probe_base.argtypes = [pointer, pointer, ctypes.c_double]
-    made.probe_arc.argtypes = [pointer, *[ctypes.c_double] * 3, pointer]
-    return made
+    library.probe_base.argtypes = [pointer, pointer, ctypes.c_double]
+    library.probe_arc.argtypes = [pointer, *[ctypes.c_double] * 3, pointer]
+    return library
 
 
 ANGLES = [0.0, 1e-9, 1e-4, 0.03, 0.09, 0.0999999, 0.1000001, 0.2, 1.5, 3.0]
@@ -74,10 +74,10 @@ def test_the_base_moves_along_a_screw_to_the_last_digit(parts, angle):
         axis = rng.normal(size=3)
         v = np.concatenate([rng.normal(size=3), 400.0 * angle * axis / np.linalg.norm(axis)])
         move, turned = screw(v, 0.0025)
-        rest = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-        parts.probe_base(at(rest), at(v), 0.0025)
-        assert rest[:3] == pytest.approx(move, rel=0.0, abs=5e-16 * np.linalg.norm(v[:3]) * 0.0025)
-        assert rest[3:] == pytest.approx(turned, rel=0.0, abs=2.3e-16)
+        values = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+        parts.probe_base(at(values), at(v), 0.0025)
+        assert values[:3] == pytest.approx(move, rel=0.0, abs=5e-16 * np.linalg.norm(v[:3]) * 0.0025)
+        assert values[3:] == pytest.approx(turned, rel=0.0, abs=2.3e-16)
         q = np.concatenate([rng.normal(size=3), pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs()])
         wanted = pin.SE3(pin.Quaternion(q[3:]).matrix(), q[:3]) * pin.SE3(pin.Quaternion(turned).matrix(), move)
         parts.probe_base(at(q), at(v), 0.0025)
@@ -89,12 +89,12 @@ def test_the_base_moves_along_a_screw_to_the_last_digit(parts, angle):
 @pytest.mark.parametrize("h", [1e-4, 0.01, 0.045])
 def test_integrals_of_the_depth_over_an_arc(parts, n, h):
     """int (cos t - cos theta_0)^n {cos t, 1} dt from three ends, against adaptive quadrature in 20 digits."""
-    radius, found = 0.045, np.zeros((3, 2))
+    radius, values = 0.045, np.zeros((3, 2))
     with mp.workdps(20):
         theta = mp.acos(1 - mp.mpf(h) / mp.mpf(radius))
         ends = np.array([0.0, 0.4 * float(theta), -0.7 * float(theta)])
-        parts.probe_arc(at(ends), h, radius, n, at(found))
-        for end, (with_cosine, plain) in zip(ends, found, strict=True):
+        parts.probe_arc(at(ends), h, radius, n, at(values))
+        for end, (with_cosine, plain) in zip(ends, values, strict=True):
             for got, weight in ((with_cosine, mp.cos), (plain, lambda t: mp.mpf(1))):
                 wanted = mp.quad(
                     lambda t, w=weight: max(mp.cos(t) - mp.cos(theta), mp.mpf(0)) ** mp.mpf(n) * w(t), [end, theta]
@@ -155,14 +155,14 @@ def coupled_system(model, coupled, together, rng):
     return A
 
 
-@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("is_held", [True, False])
 @pytest.mark.parametrize("pushed", [True, False])
 @pytest.mark.parametrize("name", ["nexus6", "cart", "nexus6_links"])
-def test_elimination_within_what_is_listed_solves(name, pushed, held):
+def test_elimination_within_what_is_listed_solves(name, pushed, is_held):
     rover = load_rover(name)
     together = [*range(6), *suspension_dofs(rover)] if pushed else []
-    coupled = [(each.follower, each.leader) for each in rover.couplings]
-    if held and rover.differential is not None:
+    coupled = [(coupling.follower, coupling.leader) for coupling in rover.couplings]
+    if is_held and rover.differential is not None:
         coupled.append((rover.differential.right, rover.differential.left))
     rng = np.random.default_rng(0)
     A = coupled_system(rover.model, coupled, together, rng)
@@ -196,10 +196,10 @@ def changed(monkeypatch):
     def take(old, new):
         source = native.source()
         assert source.count(old) == 1
-        other, usual = shared_library(source.replace(old, new), "changed"), module.library()
+        changed_library, original = shared_library(source.replace(old, new), "changed"), module.library()
         for name in ("rover_pin_step", "rover_pin_hold", "rover_pin_sizes"):
-            getattr(other, name).argtypes = getattr(usual, name).argtypes
-        monkeypatch.setattr(module, "library", lambda: other)
+            getattr(changed_library, name).argtypes = getattr(original, name).argtypes
+        monkeypatch.setattr(module, "library", lambda: changed_library)
 
     return take
 
@@ -220,10 +220,10 @@ def beside(case, change):
 def test_a_small_pivot_is_solved_with_exchanged_rows_and_told(changed, least):
     """A step that takes every pivot for too small gives the same drive, and counts; so if it is half done by then."""
     case = scenario("ditch")
-    plain, other = beside(case, lambda: changed("#define LEAST_PIVOT 1e-12", f"#define LEAST_PIVOT {least}"))
-    assert other.state.q == pytest.approx(plain.state.q, rel=1e-9, abs=1e-11)
-    assert other.differential == pytest.approx(plain.differential, rel=1e-7)
-    assert (plain.pivoted, other.pivoted) == (0, 200)
+    plain, second = beside(case, lambda: changed("#define LEAST_PIVOT 1e-12", f"#define LEAST_PIVOT {least}"))
+    assert second.state.q == pytest.approx(plain.state.q, rel=1e-9, abs=1e-11)
+    assert second.differential == pytest.approx(plain.differential, rel=1e-7)
+    assert (plain.pivoted, second.pivoted) == (0, 200)
     _, fine = beside(case, lambda: changed("#define LEAST_PIVOT 1e-12", "#define LEAST_PIVOT 1e-3"))
     assert fine.pivoted == 0, "a share of what stood on the diagonal, whatever its unit"
     assert pivot_warning(0) == ""

@@ -42,8 +42,8 @@ def called():
 
 
 def only(folder):
-    (made,) = folder.iterdir()
-    return made
+    (file,) = folder.iterdir()
+    return file
 
 
 def test_a_source_is_compiled_once(cache):
@@ -71,19 +71,19 @@ def flipped(content, at):
     ids=["emptied", "halved", "cut short", "head flipped", "middle flipped", "zeroed"],
 )
 def test_a_damaged_library_is_built_again(cache, damage):
-    whole, _ = called().communicate()
-    made = only(cache)
-    content = made.read_bytes()
-    made.write_bytes(damage(content))
+    first_output, _ = called().communicate()
+    built_file = only(cache)
+    content = built_file.read_bytes()
+    built_file.write_bytes(damage(content))
     process = called()
-    again, told = process.communicate()
-    assert (process.returncode, again) == (0, whole), told
+    again, error_output = process.communicate()
+    assert (process.returncode, again) == (0, first_output), error_output
     assert only(cache).read_bytes() == content
 
 
 def test_a_library_that_finds_no_memory_is_kept(cache, monkeypatch):
     toolchain.shared_library(SOURCE, "twice")
-    made = only(cache)
+    built_file = only(cache)
 
     def full(file):
         raise OSError(f"{file}: failed to map segment from shared object")
@@ -91,14 +91,14 @@ def test_a_library_that_finds_no_memory_is_kept(cache, monkeypatch):
     monkeypatch.setattr(ctypes, "CDLL", full)
     with pytest.raises(MemoryError, match="segment"):
         toolchain.shared_library(SOURCE, "twice")
-    assert only(cache) == made
+    assert only(cache) == built_file
 
 
 def test_processes_that_build_at_once_do_not_disturb_each_other(cache):
     processes = [called() for _ in range(3)]
     for process in processes:
-        said, told = process.communicate()
-        assert (process.returncode, said) == (0, "42.0\n"), told
+        output, error_output = process.communicate()
+        assert (process.returncode, output) == (0, "42.0\n"), error_output
     assert all(file.suffix == ".so" for file in cache.iterdir())
 
 
@@ -113,12 +113,12 @@ def test_a_folder_to_which_others_can_write_is_refused(cache):
 def test_a_folder_of_another_user_is_refused(cache, monkeypatch):
     cache.mkdir(mode=0o700)
     owner = cache.stat().st_uid
-    seen = Path.stat
+    observed = Path.stat
     monkeypatch.setattr(os, "geteuid", lambda: owner + 1)
 
-    def others(path, **how):
-        about = seen(path, **how)
-        return os.stat_result((*about[:4], owner + 7, *about[5:])) if path == cache else about
+    def others(path, **options):
+        metadata = observed(path, **options)
+        return os.stat_result((*metadata[:4], owner + 7, *metadata[5:])) if path == cache else metadata
 
     monkeypatch.setattr(Path, "stat", others)
     with pytest.raises(CacheError, match=rf"it belongs to another user \({owner + 7}\)"):
@@ -126,7 +126,7 @@ def test_a_folder_of_another_user_is_refused(cache, monkeypatch):
 
 
 @pytest.fixture
-def usual(tmp_path, monkeypatch):
+def default_folders(tmp_path, monkeypatch):
     """The folders where none is named: the user's cache and the system's for temporary files, both of this test."""
     monkeypatch.delenv("ROVER_PIN_CACHE", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
@@ -136,16 +136,16 @@ def usual(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("trouble", ["open to others", "no folder"])
-def test_an_unfit_usual_folder_gives_way_to_a_private_one(usual, trouble):
-    home, other = usual
+def test_an_unfit_usual_folder_gives_way_to_a_private_one(default_folders, trouble):
+    home, file = default_folders
     if trouble == "no folder":
         home.write_text("")
     else:
         home.mkdir()
         home.chmod(0o777)
     assert twice(toolchain.shared_library(SOURCE, "twice")) == 42.0
-    assert only(other).suffix == ".so"
-    assert stat.S_IMODE(other.stat().st_mode) == 0o700
+    assert only(file).suffix == ".so"
+    assert stat.S_IMODE(file.stat().st_mode) == 0o700
     assert not home.is_dir() or not list(home.iterdir())
 
 

@@ -66,16 +66,16 @@ def test_summary():
     assert json.loads(json.dumps(summary)) == summary
 
 
-def energies(missing=0.0, moved=1.0):
-    soil, kinetic, potential = moved * T**2, moved * np.sin(T), -3.0 * moved * T
-    motor = soil + kinetic + potential + 0.5 * moved * T + missing * moved * (T - T[0])
+def energies(missing=0.0, shift=1.0):
+    soil, kinetic, potential = shift * T**2, shift * np.sin(T), -3.0 * shift * T
+    motor = soil + kinetic + potential + 0.5 * shift * T + missing * shift * (T - T[0])
     return Trace(
         {
             "t_s": T,
             "energy_motor": motor + 7.0,
             "energy_electric": 100.0 * T,
             "energy_soil": soil,
-            "energy_stops": 0.5 * moved * T,
+            "energy_stops": 0.5 * shift * T,
             "energy_kinetic": kinetic,
             "energy_potential": potential + 40.0,
         }
@@ -85,7 +85,7 @@ def energies(missing=0.0, moved=1.0):
 def test_energy_balance():
     assert energies().energy_error() == pytest.approx(0.0, abs=1e-14)
     assert energies(0.3).energy_error() == pytest.approx(0.3 / 3.0)
-    assert energies(moved=0.0).energy_error() == 0.0
+    assert energies(shift=0.0).energy_error() == 0.0
     assert energies(0.3).summary()["energy_error"] == pytest.approx(0.1)
     assert math.isnan(Trace({name: energies()[name][:1] for name in energies().channels}).energy_error())
 
@@ -118,9 +118,9 @@ def test_refusals(channels, says):
         Trace(channels)
 
 
-def same(one, other):
-    return one.units == other.units and all(
-        np.array_equal(one[name], other[name], equal_nan=True) for name in {**one.channels, **other.channels}
+def same(first, second):
+    return first.units == second.units and all(
+        np.array_equal(first[name], second[name], equal_nan=True) for name in {**first.channels, **second.channels}
     )
 
 

@@ -64,8 +64,8 @@ def test_wheel_sunk_nearly_to_its_axle_is_carried_and_no_deeper(name):
 def test_expressions_equal_floats_and_slopes_equal_differences():
     x = [ca.SX.sym(name) for name in ("W", "S", "k", "phi", "k_1")]
     soil = SOIL.replace(k=x[2], phi=x[3], k_1=x[4])
-    whole = entry_angle(x[0], x[1], WHEEL, soil)
-    f = ca.Function("f", [ca.vertcat(*x)], [whole, ca.jacobian(whole, ca.vertcat(*x))])
+    angle = entry_angle(x[0], x[1], WHEEL, soil)
+    f = ca.Function("f", [ca.vertcat(*x)], [angle, ca.jacobian(angle, ca.vertcat(*x))])
     point = [9.0, 0.2, 0.02, 0.5, 5e4]
     value, slope = f(point)
     there = SOIL.replace(k=0.02, phi=0.5, k_1=5e4)
@@ -78,8 +78,8 @@ def test_expressions_equal_floats_and_slopes_equal_differences():
         assert float(slope[0, i]) == pytest.approx(float(difference), rel=1e-6, abs=1e-12)
 
 
-@pytest.mark.parametrize(("k", "sign", "stated"), [(0.001, 1.0, 4e-8), (0.001, -1.0, 1e-4), (0.05, -1.0, 1e-6)])
-def test_the_entry_angle_is_as_good_as_its_docstring_says(k, sign, stated):
+@pytest.mark.parametrize(("k", "sign", "declared"), [(0.001, 1.0, 4e-8), (0.001, -1.0, 1e-4), (0.05, -1.0, 1e-6)])
+def test_the_entry_angle_is_as_good_as_its_docstring_says(k, sign, declared):
     """ln theta_1 against the load of the oracle's sum there, by d ln f_n / d ln theta_1."""
     soil, worst = SOIL.replace(k=k), 0.0
     for S in sign * np.linspace(0.02, 1.0, 50):
@@ -88,8 +88,8 @@ def test_the_entry_angle_is_as_good_as_its_docstring_says(k, sign, stated):
         at, *_ = panel_forces(S, y, -y * soil.exit_ratio, WHEEL.r, WHEEL.b, *more)
         steepness = math.log(at[1] / at[0]) / math.log(1.001)
         worst = max(worst, abs(math.log(at[0] / 9.5)) / steepness)
-    assert worst < stated
-    assert k == 0.05 or worst > 0.1 * stated
+    assert worst < declared
+    assert k == 0.05 or worst > 0.1 * declared
 
 
 def test_shear_is_bounded_where_the_printed_exponential_is_not():
@@ -111,5 +111,5 @@ def test_nothing_cancels_at_small_angles():
 @given(st.floats(1e-5, 1.5))
 def test_sinkage_angles_invert_eq_5(theta_1):
     soil = Soil()
-    found = SinkageAngles().angles(sinkage(theta_1, WHEEL), WHEEL, soil)
-    assert found == pytest.approx((theta_1, -soil.exit_ratio * theta_1), rel=1e-9)
+    angles = SinkageAngles().angles(sinkage(theta_1, WHEEL), WHEEL, soil)
+    assert angles == pytest.approx((theta_1, -soil.exit_ratio * theta_1), rel=1e-9)

@@ -37,19 +37,19 @@ def by_hand(S, sideways):
 @pytest.mark.parametrize("S", [-0.6, -0.2, 0.0, 0.3, 0.9])
 @pytest.mark.parametrize("sideways", [0.05, -0.4, 3.0])
 def test_forces_are_the_integrals(S, sideways):
-    found = combined_forces(S, sideways, (ENTRY, EXIT), WHEEL, SOIL, 60)
-    along = found.along
+    forces = combined_forces(S, sideways, (ENTRY, EXIT), WHEEL, SOIL, 60)
+    along = forces.along
     expected = by_hand(S, sideways)
-    assert [along.f_n, along.f_t, found.f_y, along.torque] == pytest.approx(expected[:4], rel=2e-4, abs=2e-3)
-    assert found.moment == pytest.approx(expected[4], rel=2e-4)
-    assert found.moment * found.f_y > 0.0, "most of the contact is ahead of the axle"
+    assert [along.f_n, along.f_t, forces.f_y, along.torque] == pytest.approx(expected[:4], rel=2e-4, abs=2e-3)
+    assert forces.moment == pytest.approx(expected[4], rel=2e-4)
+    assert forces.moment * forces.f_y > 0.0, "most of the contact is ahead of the axle"
 
 
 @pytest.mark.parametrize("S", [-0.9, -0.3, 0.0, 0.2, 1.0])
 def test_a_wheel_that_runs_straight_is_the_straight_one(S):
-    found = combined_forces(S, 0.0, (ENTRY, EXIT), WHEEL, SOIL)
-    assert found.f_y == 0.0
-    assert tuple(found.along) == pytest.approx(tuple(wheel_forces(S, ENTRY, EXIT, WHEEL, SOIL)), rel=1e-9)
+    forces = combined_forces(S, 0.0, (ENTRY, EXIT), WHEEL, SOIL)
+    assert forces.f_y == 0.0
+    assert tuple(forces.along) == pytest.approx(tuple(wheel_forces(S, ENTRY, EXIT, WHEEL, SOIL)), rel=1e-9)
 
 
 def test_the_resultant_keeps_to_the_strength():
@@ -65,6 +65,6 @@ def test_the_resultant_keeps_to_the_strength():
     )
     for S in np.linspace(-0.95, 1.0, 14):
         for y in (0.01, 0.3, 20.0):
-            found = combined_forces(float(S), y, (ENTRY, EXIT), WHEEL, SOIL)
-            assert math.hypot(found.along.torque / 0.0625, found.f_y) <= most * (1 + 1e-6)
+            forces = combined_forces(float(S), y, (ENTRY, EXIT), WHEEL, SOIL)
+            assert math.hypot(forces.along.torque / 0.0625, forces.f_y) <= most * (1 + 1e-6)
     assert combined_forces(0.0, 1e3, (ENTRY, EXIT), WHEEL, SOIL).f_y == pytest.approx(-most, rel=1e-3)

@@ -29,8 +29,8 @@ def test_the_pressure_is_as_good_as_stated():
     off = []
     for n, theta_1, ratio in product([0.4, 0.5, 0.7, 1.0, 1.3, 1.6, 2.0], [0.1, 0.3, 0.6, 1.0], [0.0, RATIO, 0.5]):
         true, _ = quad(pressure, -ratio * theta_1, theta_1, args=(theta_1, n))
-        found = _pressure_load(theta_1, (1.0 + ratio) * theta_1, WHEEL, Soil(n=n))
-        off.append(abs(float(found) / (54207.3 * 0.9**n * true) - 1))
+        load = _pressure_load(theta_1, (1.0 + ratio) * theta_1, WHEEL, Soil(n=n))
+        off.append(abs(float(load) / (54207.3 * 0.9**n * true) - 1))
     assert 1e-4 < max(off) < 2.1e-4
 
 
@@ -71,9 +71,11 @@ def test_frictionless_soil_bears_two_cohesions_and_its_weight():
 
 def test_thirty_degrees_have_whole_roots_of_three():
     """X = 30 deg: cot X = tan(X + phi) = sqrt 3, so D_1 = 2 sqrt 3 and D_2 = sqrt 3 + 3 / sqrt 3."""
-    found = passive(math.radians(30.0))
-    assert found == pytest.approx((2 * ROOT_3, 2 * ROOT_3, ROOT_3))
-    assert found.per_width(0.01, 200.0, 15e3) == pytest.approx(2 * ROOT_3 * (200.0 * 0.01 + ROOT_3 * 15e3 * 1e-4))
+    passive_ratio = passive(math.radians(30.0))
+    assert passive_ratio == pytest.approx((2 * ROOT_3, 2 * ROOT_3, ROOT_3))
+    assert passive_ratio.per_width(0.01, 200.0, 15e3) == pytest.approx(
+        2 * ROOT_3 * (200.0 * 0.01 + ROOT_3 * 15e3 * 1e-4)
+    )
 
 
 @pytest.mark.parametrize("phi_deg", [5.0, 20.0, 38.0, 55.0])
@@ -86,11 +88,11 @@ def test_the_part_of_cohesion_is_rankines(phi_deg):
 
 def test_curves_cover_every_k_all_slips_and_a_given_exponent():
     soil = Soil(n=1.2)
-    found = traction_curves(soil, [0.004, 0.03])
-    assert (found.S[0], found.S[-1], len(found.S)) == (0.0, 1.0, 101)
-    np.testing.assert_allclose(np.diff(found.S), 0.01)
-    assert {k for _, k in found.curves} == {0.004, 0.03}
-    own, other = (traction_curves(soil, n=n).curves["net", float(soil.k)] for n in (None, 0.7))
-    assert own[37] == load_traction_factor(0.37, soil, Wheel())
-    assert other[37] == load_traction_factor(0.37, soil.replace(n=0.7), Wheel())
-    assert own[37] != other[37]
+    curve_set = traction_curves(soil, [0.004, 0.03])
+    assert (curve_set.S[0], curve_set.S[-1], len(curve_set.S)) == (0.0, 1.0, 101)
+    np.testing.assert_allclose(np.diff(curve_set.S), 0.01)
+    assert {k for _, k in curve_set.curves} == {0.004, 0.03}
+    default_curve, other_curve = (traction_curves(soil, n=n).curves["net", float(soil.k)] for n in (None, 0.7))
+    assert default_curve[37] == load_traction_factor(0.37, soil, Wheel())
+    assert other_curve[37] == load_traction_factor(0.37, soil.replace(n=0.7), Wheel())
+    assert default_curve[37] != other_curve[37]

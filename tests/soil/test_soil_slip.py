@@ -61,9 +61,9 @@ def test_slips_are_of_the_speed_that_brakes(rim, degrees):
 
 
 def test_a_share_of_it_lies_between_the_heading_and_the_travel():
-    half, whole = (float(against_travel(-0.2, 0.8, share)[0]) for share in (0.5, 1.0))
+    half, full = (float(against_travel(-0.2, 0.8, share)[0]) for share in (0.5, 1.0))
     assert float(against_travel(-0.2, 0.8, 0.0)[0]) == pytest.approx(-0.2, rel=1e-12)
-    assert 0.8 / (1 + half) == pytest.approx((1.0 + 0.8 / (1 + whole)) / 2)
+    assert 0.8 / (1 + half) == pytest.approx((1.0 + 0.8 / (1 + full)) / 2)
 
 
 def test_a_wheel_pushed_aside_does_not_spin():

@@ -28,13 +28,13 @@ def exact(S, theta_1, theta_2, soil, wheel=WHEEL):
     )
 
 
-def error(found, true, channels=WheelForces._fields):
+def error(expected, true, channels=WheelForces._fields):
     """Worst relative error; forces below 2 % of what they are summed from are measured against that."""
     worst = 0.0
     for channel in channels:
         arm = WHEEL.r if channel == "torque" else 1.0
         size = max(abs(float(true[channel])), 0.02 * float(true["scale"]) * arm)
-        worst = max(worst, abs(getattr(found, channel) - float(true[channel])) / size)
+        worst = max(worst, abs(getattr(expected, channel) - float(true[channel])) / size)
     return worst
 
 
@@ -70,23 +70,23 @@ def summed(S, theta_1, theta_2, soil, theta_m=None):
 def test_the_oracles_sum_is_its_30_digit_integral_to_1e_10(corner):
     n, theta_1, ratio, k, S, c = corner
     theta_1, soil = theta_1 * DEG, SOIL.replace(n=n, k=k, c=c)
-    found = WheelForces(*summed(S, theta_1, -ratio * theta_1, soil), 0.0, 0.0)
+    summed_forces = WheelForces(*summed(S, theta_1, -ratio * theta_1, soil), 0.0, 0.0)
     true = exact(S, theta_1, -ratio * theta_1, soil)
-    assert error(found, true, ("f_n", "f_t", "torque")) < 1e-10
+    assert error(summed_forces, true, ("f_n", "f_t", "torque")) < 1e-10
 
 
 @pytest.mark.parametrize(("k", "S", "tolerance"), [(0.05, 0.3, 2e-10), (0.005, 1.0, 3e-9), (0.001, 1.0, 3e-7)])
 def test_the_fast_rule_is_as_good_as_its_docstring_says(k, S, tolerance):
     soil = SOIL.replace(k=k)
-    found = wheel_forces(S, soil.theta_1, soil.theta_2, WHEEL, soil)
-    assert error(found, exact(S, soil.theta_1, soil.theta_2, soil)) < tolerance
+    fast = wheel_forces(S, soil.theta_1, soil.theta_2, WHEEL, soil)
+    assert error(fast, exact(S, soil.theta_1, soil.theta_2, soil)) < tolerance
 
 
 def off_by(points):
     """Worst of the errors of f_n, f_t and torque / r of the fast rule at points [S, theta_1, theta_2, k, phi, n, c]."""
     x = ca.SX.sym("x", 7)
-    found = wheel_forces(x[0], x[1], x[2], WHEEL, SOIL.replace(k=x[3], phi=x[4], n=x[5], c=x[6]))
-    law = ca.Function("law", [x], [ca.vertcat(found.f_n, found.f_t, found.torque)])
+    fast = wheel_forces(x[0], x[1], x[2], WHEEL, SOIL.replace(k=x[3], phi=x[4], n=x[5], c=x[6]))
+    law = ca.Function("law", [x], [ca.vertcat(fast.f_n, fast.f_t, fast.torque)])
     true = np.hstack(
         [
             summed(*some[:3], SimpleNamespace(k=some[3], phi=some[4], n=some[5], c=some[6], k_1=SOIL.k_1))
@@ -97,13 +97,13 @@ def off_by(points):
     return np.max(np.abs(law.map(points.shape[1])(points).full() - true) / arms, axis=0) / true[0]
 
 
-@pytest.mark.parametrize(("k", "stated"), [(0.05, 7e-7), (0.005, 2e-5), (0.001, 4e-4)])
-def test_the_fast_rule_brakes_as_its_docstring_says(k, stated):
+@pytest.mark.parametrize(("k", "declared"), [(0.05, 7e-7), (0.005, 2e-5), (0.001, 4e-4)])
+def test_the_fast_rule_brakes_as_its_docstring_says(k, declared):
     """No better and no worse, at Table 1's angles; f_t and torque / r by f_n."""
     S = np.linspace(-1.0, -0.001, 1000)
-    rest = [[SOIL.theta_1], [SOIL.theta_2], [k], [SOIL.phi], [1.0], [SOIL.c]]
-    worst = np.max(off_by(np.vstack([S, np.tile(rest, (1, S.size))])))
-    assert 0.7 * stated < worst < 1.1 * stated
+    constants = [[SOIL.theta_1], [SOIL.theta_2], [k], [SOIL.phi], [1.0], [SOIL.c]]
+    worst = np.max(off_by(np.vstack([S, np.tile(constants, (1, S.size))])))
+    assert 0.7 * declared < worst < 1.1 * declared
 
 
 def test_fast_rule_over_the_whole_box_errs_as_its_docstring_says():
@@ -114,10 +114,10 @@ def test_fast_rule_over_the_whole_box_errs_as_its_docstring_says():
         return np.where(at_end & ends, rng.choice([low, high], count), rng.uniform(low, high, count))
 
     theta_1, ratio, k = drawn(2 * DEG, 70 * DEG), drawn(0.0, 1.0), np.exp(drawn(math.log(1e-3), math.log(0.1)))
-    rest = [theta_1, -ratio * theta_1, k, drawn(10 * DEG, 45 * DEG, False), drawn(0.3, 1.6)]
-    rest.append(rng.choice([0.0, 0.005, 1000.0], count))
-    assert np.max(off_by(np.vstack([drawn(0.0, 1.0), *rest]))) < 5e-5
-    braking = off_by(np.vstack([drawn(-1.0, 0.0), *rest]))
+    arguments = [theta_1, -ratio * theta_1, k, drawn(10 * DEG, 45 * DEG, False), drawn(0.3, 1.6)]
+    arguments.append(rng.choice([0.0, 0.005, 1000.0], count))
+    assert np.max(off_by(np.vstack([drawn(0.0, 1.0), *arguments]))) < 5e-5
+    braking = off_by(np.vstack([drawn(-1.0, 0.0), *arguments]))
     assert 1e-3 < np.quantile(braking, 0.99) < 8e-3
     corner = np.array([-0.231, 1.2036, -0.9035, 0.001, 0.5458, 0.7088, 1000.0])[:, None]
     assert off_by(corner)[0] == pytest.approx(0.035, abs=2e-3)
@@ -127,12 +127,12 @@ def test_fast_rule_over_the_whole_box_errs_as_its_docstring_says():
 @pytest.mark.parametrize(("n", "angles"), list(product([1, 2], [(0.6, -0.09), (0.035, -0.035), (1.2, 0.0)])))
 def test_closed_forms_at_full_shear(n, angles):
     soil = SOIL.replace(n=float(n), c=0.0)
-    found = forces(*angles, full_shear, WHEEL, soil, entry_graded(48))
+    sheared = forces(*angles, full_shear, WHEEL, soil, entry_graded(48))
     f_n, thrust, torque = oracle.full_shear_closed_form(*angles, soil.phi, n)
     patch = WHEEL.r * WHEEL.b * soil.k_1 * (WHEEL.r / WHEEL.b) ** n
-    assert found.f_n == pytest.approx(patch * float(f_n), rel=1e-11)
-    assert found.thrust == pytest.approx(patch * float(thrust), rel=1e-11)
-    assert found.torque == pytest.approx(patch * WHEEL.r * float(torque), rel=1e-11)
+    assert sheared.f_n == pytest.approx(patch * float(f_n), rel=1e-11)
+    assert sheared.thrust == pytest.approx(patch * float(thrust), rel=1e-11)
+    assert sheared.torque == pytest.approx(patch * WHEEL.r * float(torque), rel=1e-11)
 
 
 @given(n=st.floats(0.3, 1.6), theta_1=st.floats(2, 70), ratio=st.floats(0, 1))
@@ -140,9 +140,9 @@ def test_closed_forms_at_full_shear(n, angles):
 def test_compaction_is_the_exact_identity(n, theta_1, ratio):
     theta_1 *= DEG
     soil = SOIL.replace(n=n)
-    found = wheel_forces(0.2, theta_1, -ratio * theta_1, WHEEL, soil)
+    forces_found = wheel_forces(0.2, theta_1, -ratio * theta_1, WHEEL, soil)
     _, without_shear, _ = summed(0.2, theta_1, -ratio * theta_1, soil.replace(c=0.0, phi=0.0))
-    assert found.compaction == pytest.approx(-without_shear, rel=1e-9, abs=1e-9 * found.f_n)
+    assert forces_found.compaction == pytest.approx(-without_shear, rel=1e-9, abs=1e-9 * forces_found.f_n)
 
 
 def symbolic():
@@ -150,8 +150,8 @@ def symbolic():
     x = [ca.SX.sym(name) for name in ("S", "theta_1", "theta_2", "r", "b", "c", "phi", "k", "k_1", "k_2", "n")]
     wheel = Wheel(x[3], x[4])
     soil = Soil(c=x[5], phi=x[6], k=x[7], k_1=x[8], k_2=x[9], n=x[10])
-    found = ca.vertcat(*wheel_forces(*x[:3], wheel, soil))
-    return ca.Function("f", [ca.vertcat(*x)], [found, ca.jacobian(found, ca.vertcat(*x))])
+    values = ca.vertcat(*wheel_forces(*x[:3], wheel, soil))
+    return ca.Function("f", [ca.vertcat(*x)], [values, ca.jacobian(values, ca.vertcat(*x))])
 
 
 POINTS = [
@@ -171,10 +171,10 @@ def at_numbers(p):
 @pytest.mark.parametrize("point", POINTS)
 def test_floats_equal_symbols(point):
     value, _ = symbolic()(point)
-    found = at_numbers(point)
-    assert all(isinstance(part, float) for part in found)
-    scale = abs(found.f_n)
-    assert np.array(value).ravel() == pytest.approx(list(found), rel=1e-12, abs=1e-12 * scale)
+    numbers = at_numbers(point)
+    assert all(isinstance(part, float) for part in numbers)
+    scale = abs(numbers.f_n)
+    assert np.array(value).ravel() == pytest.approx(list(numbers), rel=1e-12, abs=1e-12 * scale)
 
 
 @pytest.mark.parametrize("point", [POINTS[0], POINTS[1], POINTS[4]])
@@ -196,9 +196,9 @@ def test_derivatives_equal_central_differences(point):
 def test_peak_stress_agrees_with_a_sum_in_numpy(S):
     soil = SOIL.replace(c=200.0, n=0.9, k=0.01)
     theta_m = PeakAngle().at(S, 0.6)
-    found = peak_stress_forces(S, (0.6, theta_m, -0.2), WHEEL, soil)
+    peaked = peak_stress_forces(S, (0.6, theta_m, -0.2), WHEEL, soil)
     true = summed(S, 0.6, -0.2, soil, theta_m)
-    assert [found.f_n, found.f_t, found.torque] == pytest.approx(true, rel=1e-6, abs=1e-6 * found.f_n)
+    assert [peaked.f_n, peaked.f_t, peaked.torque] == pytest.approx(true, rel=1e-6, abs=1e-6 * peaked.f_n)
 
 
 @pytest.mark.parametrize(

@@ -23,14 +23,14 @@ def test_a_place_on_the_way_is_no_part_of_an_answer():
 
 
 def test_true_causes_are_kept_however_improbable():
-    found = told.inclusion_of(verdict((), (), {"A": 0.02, "B": 0.009, "C": 0.001}), ["C", "D"])
-    assert found == {"C": 0.001, "D": 0.0, "A": 0.02}
+    inclusion = told.inclusion_of(verdict((), (), {"A": 0.02, "B": 0.009, "C": 0.001}), ["C", "D"])
+    assert inclusion == {"C": 0.001, "D": 0.0, "A": 0.02}
 
 
-@pytest.mark.parametrize(("other", "nats"), [(5.0, 5.0), (-5.0, 0.0)])
-def test_what_is_on_no_list_shows_beside_a_quiet_base(other, nats):
+@pytest.mark.parametrize(("second", "nats"), [(5.0, 5.0), (-5.0, 0.0)])
+def test_what_is_on_no_list_shows_beside_a_quiet_base(second, nats):
     rows = [SimpleNamespace(names=(), discrepancy=kind) for kind in (Discrepancy.NONE, Discrepancy.SMOOTH)]
-    beliefs = SimpleNamespace(scores=np.array([0.0, other]), hypotheses=rows)
+    beliefs = SimpleNamespace(scores=np.array([0.0, second]), hypotheses=rows)
     assert math.isclose(more_than_noise(beliefs), nats)
 
 

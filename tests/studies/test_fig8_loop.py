@@ -20,11 +20,11 @@ def table():
 def test_the_elevation_stops_only_with_what_was_found(table):
     """'The elevation keeps rising ... because the digging and sinking process is not modeled' (section 4.2)."""
     assert table.loc["climb-1", "late, log"] < 3.0
-    logged, found = table["late, log"], table[f"late, {study.FOUND}"]
-    for other in (study.DECLARED, study.FITTED):
-        assert ((table[f"late, {other}"] - logged).abs() > (found - logged).abs()).all()
-        assert (table[f"late, {other}"] > found + 5.0).all()
-    assert (found < 5.0).all()
+    logged, with_found = table["late, log"], table[f"late, {study.FOUND}"]
+    for second in (study.DECLARED, study.FITTED):
+        assert ((table[f"late, {second}"] - logged).abs() > (with_found - logged).abs()).all()
+        assert (table[f"late, {second}"] > with_found + 5.0).all()
+    assert (with_found < 5.0).all()
     assert (table[f"late, {study.DECLARED}"] > 15.0).all()
 
 

@@ -24,10 +24,10 @@ def numbers(text):
 def test_the_loop_on_measured_wheels(data):
     folders = tuple(study.DATA / folder for folder in study.SETS[data])
     row = study.row_of(data, close_the_loop(folders if len(folders) > 1 else folders[0]))
-    kept = KEPT.loc[data]
-    assert row["answer"] == kept["answer"]
-    assert row["sets"] == kept["sets"]
+    stored = KEPT.loc[data]
+    assert row["answer"] == stored["answer"]
+    assert row["sets"] == stored["sets"]
     for column in ("before", "after", "together"):
-        assert numbers(row[column]) == pytest.approx(numbers(kept[column]), rel=0.02), column
+        assert numbers(row[column]) == pytest.approx(numbers(stored[column]), rel=0.02), column
     probabilities = numbers(row["families"])
-    assert probabilities == pytest.approx(numbers(kept["families"]), abs=0.03)
+    assert probabilities == pytest.approx(numbers(stored["families"]), abs=0.03)

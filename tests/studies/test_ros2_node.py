@@ -56,24 +56,24 @@ def message_class(kind):
 
 
 def blank(form):
-    node, told = form
+    node, messages = form
     if node == Nodetype.NAME:
-        return message_class(told)()
+        return message_class(messages)()
     if node == Nodetype.ARRAY:
-        return [blank(told[0]) for _ in range(told[1])]
-    return [] if node == Nodetype.SEQUENCE else ZEROS.get(told[0], 0)
+        return [blank(messages[0]) for _ in range(messages[1])]
+    return [] if node == Nodetype.SEQUENCE else ZEROS.get(messages[0], 0)
 
 
 def fits(value, form, where):
-    node, told = form
+    node, messages = form
     if node == Nodetype.NAME:
-        assert value.kind == told, where
+        assert value.kind == messages, where
     elif node == Nodetype.BASE:
         assert type(value) is type(blank(form)), f"{where} = {value!r}"
     else:
         assert isinstance(value, list), where
-        for one in value:
-            fits(one, told[0], where)
+        for element in value:
+            fits(element, messages[0], where)
 
 
 def stored(value):
@@ -84,7 +84,11 @@ def stored(value):
         names = [name for name, _ in ROS.get_msgdef(value.kind).fields]
         return ROS.types[value.kind](**{name: stored(getattr(value, name)) for name in names})
     if isinstance(value, list):
-        return np.array(value) if value and type(value[0]) is float else [stored(one) for one in value] or np.zeros(0)
+        return (
+            np.array(value)
+            if value and type(value[0]) is float
+            else [stored(element) for element in value] or np.zeros(0)
+        )
     return value
 
 
@@ -116,8 +120,8 @@ class Loopback:
 class Time(SimpleNamespace):
     """Nanoseconds, which differ by a duration."""
 
-    def __sub__(self, other):
-        return SimpleNamespace(nanoseconds=self.nanoseconds - other.nanoseconds)
+    def __sub__(self, second):
+        return SimpleNamespace(nanoseconds=self.nanoseconds - second.nanoseconds)
 
     def to_msg(self):
         return message_class("builtin_interfaces/msg/Time")(
@@ -218,16 +222,20 @@ def test_what_is_sent_holds_together(start):
     graph = start(rover="cart")
     drive(graph, 6.0, x=0.03, yaw_rate=0.05)
     poses = [ROS.deserialize_cdr(raw, kind) for topic, _, kind, raw in graph.sent if topic == "odom"]
-    yaw = np.unwrap([2.0 * np.arctan2(one.pose.pose.orientation.z, one.pose.pose.orientation.w) for one in poses])
-    x, y = ([getattr(one.pose.pose.position, axis) for one in poses] for axis in "xy")
+    yaw = np.unwrap(
+        [2.0 * np.arctan2(message.pose.pose.orientation.z, message.pose.pose.orientation.w) for message in poses]
+    )
+    x, y = ([getattr(message.pose.pose.position, axis) for message in poses] for axis in "xy")
     middle = len(poses) // 2
     late = slice(middle, middle + 20)
-    assert np.gradient(yaw, 0.05)[late] == pytest.approx([one.twist.twist.angular.z for one in poses[late]], rel=0.02)
+    assert np.gradient(yaw, 0.05)[late] == pytest.approx(
+        [message.twist.twist.angular.z for message in poses[late]], rel=0.02
+    )
     along = np.cos(yaw) * np.gradient(x, 0.05) + np.sin(yaw) * np.gradient(y, 0.05)
-    assert along[late] == pytest.approx([one.twist.twist.linear.x for one in poses[late]], rel=0.05)
+    assert along[late] == pytest.approx([message.twist.twist.linear.x for message in poses[late]], rel=0.05)
     assert yaw[-1] > 0.05
     states = [ROS.deserialize_cdr(raw, kind) for topic, _, kind, raw in graph.sent if topic == "joint_states"]
-    angles, rates = (np.array([getattr(one, name) for one in states]) for name in ("position", "velocity"))
+    angles, rates = (np.array([getattr(message, name) for message in states]) for name in ("position", "velocity"))
     assert np.gradient(angles, 0.05, axis=0)[late] == pytest.approx(rates[late], abs=0.01)
     text = scenario("flat", rover="cart").model.rover.urdf
     urdf = re.findall(r'<joint name="(\w+)" type="(?:continuous|revolute)"', text)
@@ -248,18 +256,18 @@ def test_what_motors_cannot_reach_is_said_and_not_obeyed(start):
     drive(graph, 0.4, x=0.02)
     command(graph, x=5.0)
     graph.run(0.2)
-    (said,) = graph.said
-    assert "cmd_vel is not obeyed: a wheel would have to turn at" in said
+    (warning,) = graph.said
+    assert "cmd_vel is not obeyed: a wheel would have to turn at" in warning
     assert graph.last("odom").twist.twist.linear.x > 0.01
 
 
 def bag(graph, folder):
-    with Writer(folder, version=9) as made:
+    with Writer(folder, version=9) as writer:
         connections = {}
         for topic, at, kind, raw in graph.sent:
             if topic not in connections:
-                connections[topic] = made.add_connection(f"/{topic}", kind, typestore=ROS)
-            made.write(connections[topic], at, raw)
+                connections[topic] = writer.add_connection(f"/{topic}", kind, typestore=ROS)
+            writer.write(connections[topic], at, raw)
     return folder
 
 
@@ -276,8 +284,8 @@ def test_a_recorded_bag_is_imported(start, tmp_path):
     trace = scenario("flat", duration=8.0, **straight).drive(measure_error=False)
     late = slice(20, 140)
     for name in ("body_x", "body_z", "body_yaw", *(f"wheel_rate_{wheel}" for wheel in trace.wheels)):
-        told = np.interp(trace.t[late], run.t, run[name])
-        assert told == pytest.approx(trace[name][late], abs=1e-2 * np.ptp(trace[name]) + 1e-9), name
+        values = np.interp(trace.t[late], run.t, run[name])
+        assert values == pytest.approx(trace[name][late], abs=1e-2 * np.ptp(trace[name]) + 1e-9), name
 
 
 def test_the_packages_files_name_what_the_node_needs():

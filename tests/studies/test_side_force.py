@@ -48,9 +48,9 @@ def reading(t, fold, yaw=0.0, pitch=0.0):
 
 @pytest.fixture
 def control():
-    made = TackingControl(load_rover(), LAW)
-    made.reset()
-    return made
+    tacking_control = TackingControl(load_rover(), LAW)
+    tacking_control.reset()
+    return tacking_control
 
 
 def test_folded_bogies_turn_it_to_one_side_and_then_to_the_other(control):

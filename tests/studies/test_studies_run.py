@@ -31,8 +31,8 @@ def run(file, *options, folder):
 
 def has_commit(commit):
     """Whether the folder is a clone with that much history."""
-    asked = ["git", "cat-file", "-e", f"{commit}^{{commit}}"]
-    return subprocess.run(asked, cwd=ROOT, capture_output=True, check=False).returncode == 0
+    command = ["git", "cat-file", "-e", f"{commit}^{{commit}}"]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, check=False).returncode == 0
 
 
 def marked(files):
@@ -47,11 +47,11 @@ def mark(name):
 @pytest.mark.parametrize("file", marked(STUDIES))
 def test_a_study_runs_quickly(file, tmp_path):
     out = tmp_path / "results"
-    said = run(file, "--out", str(out), folder=tmp_path)
-    suffixes = {each.suffix for each in out.rglob("*") if each.is_file()}
+    output = run(file, "--out", str(out), folder=tmp_path)
+    suffixes = {file_written.suffix for file_written in out.rglob("*") if file_written.is_file()}
     assert ".csv" in suffixes
     assert suffixes & {".png", ".md"}, "a picture, or the table of shares of a blind run"
-    assert said.strip()
+    assert output.strip()
 
 
 @pytest.mark.parametrize("file", marked(BENCHMARKS))

@@ -32,16 +32,16 @@ def test_the_authors_model_is_as_far_off_as_the_table_says():
     rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv").set_index(["set", "law"])
     sets = read(study)
     for name, data in sets.items():
-        made = study.row(name, study.AUTHORS, data, study.authors_errors(data))
-        kept = rows.loc[(name, study.AUTHORS)]
-        assert (made.drawbar_pull_N, made.in_sds) == pytest.approx((kept.drawbar_pull_N, kept.in_sds), rel=1e-6)
+        row = study.row(name, study.AUTHORS, data, study.authors_errors(data))
+        stored = rows.loc[(name, study.AUTHORS)]
+        assert (row.drawbar_pull_N, row.in_sds) == pytest.approx((stored.drawbar_pull_N, stored.in_sds), rel=1e-6)
     data = sets["lugs askew"]
     mirrored = dataclasses.replace(data, slip_angle=-data.slip_angle)
-    for channel, found, other in zip(
+    for channel, authors_error, second in zip(
         data.channels, study.authors_errors(data), study.authors_errors(mirrored), strict=True
     ):
         sense = -1.0 if channel.is_sideways else 1.0
-        assert found + channel.measured == pytest.approx(sense * (other + channel.measured))
+        assert authors_error + channel.measured == pytest.approx(sense * (second + channel.measured))
 
 
 def test_laws_beat_both_curves_on_all_sets_but_one():
@@ -53,19 +53,19 @@ def test_laws_beat_both_curves_on_all_sets_but_one():
 def test_one_soil_predicts_each_set_from_the_others():
     """In the kept table: the median set, and twice that in every one."""
     rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv")
-    found = rows[rows["set"].str.startswith(study.FROM) & (rows["law"] == "the law")]
-    assert len(found) == 7
+    predicted = rows[rows["set"].str.startswith(study.FROM) & (rows["law"] == "the law")]
+    assert len(predicted) == 7
     for name, most in zip(("drawbar_pull_N", "sinkage_mm", "side_force_N"), study.EACH, strict=True):
-        assert found[name].median() < most
-        assert found[name].max() < 2 * most
+        assert predicted[name].median() < most
+        assert predicted[name].max() < 2 * most
 
 
 def test_pressings_bend_no_set():
     """In the kept table: one soil for all misses no set by 3 % more or less than without them."""
     rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv").set_index(["set", "law"])["in_sds"]
     for name in study.FOLDERS:
-        apart, used = (rows[before + study.ONE + name, study.LAW] for before in (study.APART, ""))
-        assert apart == pytest.approx(used, rel=0.03)
+        distance, used = (rows[before + study.ONE + name, study.LAW] for before in (study.APART, ""))
+        assert distance == pytest.approx(used, rel=0.03)
 
 
 @pytest.mark.slow
@@ -82,14 +82,14 @@ def test_a_braked_wheel_askew_is_predicted_from_the_others():
 
 @pytest.mark.nightly
 def test_side_force_and_both_signs_of_slip_are_reached():
-    made = study.table()
-    rows = {(row.set, row.law): row for row in made}
+    table_read = study.table()
+    rows = {(row.set, row.law): row for row in table_read}
     made_of_smooth = rows["lugged from smooth", "lugs, sand on sand by the rim's m"]
     assert (made_of_smooth.drawbar_pull_N < 1.2, made_of_smooth.sinkage_mm < 4.0) == (True, True)
-    kept = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv")
-    assert [(row.set, row.law) for row in made] == list(zip(kept["set"], kept["law"], strict=True))
+    table = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv")
+    assert [(row.set, row.law) for row in table_read] == list(zip(table["set"], table["law"], strict=True))
     for name in ("drawbar_pull_N", "sinkage_mm", "side_force_N", "in_sds"):
-        np.testing.assert_allclose([getattr(row, name) for row in made], kept[name], rtol=0.1, atol=0.05)
+        np.testing.assert_allclose([getattr(row, name) for row in table_read], table[name], rtol=0.1, atol=0.05)
     both = rows["both signs", "softening + ploughing"]
     assert (both.drawbar_pull_N < 1.5, both.sinkage_mm < 2.5) == (True, True)
     askew = rows["slip angles", "+ softening + flank + rate"]

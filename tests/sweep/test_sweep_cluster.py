@@ -80,17 +80,17 @@ def cluster(tmp_path):
 
 @pytest.mark.slow
 def test_a_cluster_gives_the_table_of_one_core(tmp_path):
-    here = sweep(STUDY, tmp_path / "here", workers=1, case_function=stub()).table
+    table = sweep(STUDY, tmp_path / "here", workers=1, case_function=stub()).table
     with cluster(tmp_path) as (address, _):
         there = sweep(STUDY, tmp_path / "there", scheduler=address, case_function=stub()).table
-    pd.testing.assert_frame_equal(there, here)
+    pd.testing.assert_frame_equal(there, table)
     assert (tmp_path / "there" / RESULTS).read_bytes() == (tmp_path / "here" / RESULTS).read_bytes()
     assert list(there["error"].dropna()) == ["ValueError: no way"]
 
 
 @pytest.mark.slow
 def test_lost_scheduler_is_reported_and_the_sweep_resumes(tmp_path):
-    whole = sweep(STUDY, tmp_path / "whole", workers=1, case_function=stub()).table
+    table = sweep(STUDY, tmp_path / "whole", workers=1, case_function=stub()).table
 
     with cluster(tmp_path) as (address, process):
         group, ordinary = process.pid, stub(0.05)
@@ -104,7 +104,7 @@ def test_lost_scheduler_is_reported_and_the_sweep_resumes(tmp_path):
         with pytest.raises(SimulationError, match=r"tcp://127.0.0.1:\d+"):
             sweep(STUDY, tmp_path / "out", scheduler=address, case_function=killing)
     assert 0 < len(collect(tmp_path / "out")) < 16
-    pd.testing.assert_frame_equal(sweep(STUDY, tmp_path / "out", workers=1, case_function=stub()).table, whole)
+    pd.testing.assert_frame_equal(sweep(STUDY, tmp_path / "out", workers=1, case_function=stub()).table, table)
 
 
 @pytest.mark.slow

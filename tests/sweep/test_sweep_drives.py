@@ -22,15 +22,15 @@ def test_a_drive_that_cannot_be_is_a_row_with_its_reason(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         ({"scenario": "dich"}, "'flat':.*'dich':.*'ditch'"),
         ({"parameters": {"soil.kk": Values([1.0])}}, "'flat':.*'soil.kk'"),
         ({"settings": {"terrain.wall_angel": 1.0}}, "'terrain.wall_angel'"),
     ],
 )
-def test_unknown_names_are_refused_before_any_drive(tmp_path, changes, said):
-    with pytest.raises(ParameterError, match=said):
+def test_unknown_names_are_refused_before_any_drive(tmp_path, changes, message):
+    with pytest.raises(ParameterError, match=message):
         sweep(dataclasses.replace(FLAT, **changes), tmp_path / "out")
 
 
@@ -45,7 +45,7 @@ def test_shipped_studies_read_and_their_first_drives_run(file):
 
 def test_a_terrain_of_chance_comes_from_the_case(tmp_path):
     study = Study("hills", "hills", {"soil.k": Range(0.01, 0.05)}, Grid(2), duration=1.0, repeats=2)
-    made = [scenario_of(study, case) for case in study.cases()]
-    assert len({scene.settings["terrain.seed"] for scene in made}) == 4
+    cases = [scenario_of(study, case) for case in study.cases()]
+    assert len({scene.settings["terrain.seed"] for scene in cases}) == 4
     fixed = dataclasses.replace(study, settings={"terrain.seed": 3})
     assert {scenario_of(fixed, case).settings["terrain.seed"] for case in fixed.cases()} == {3}

@@ -47,7 +47,7 @@ def test_ranges_stay_within_their_ends(share, low, factor):
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "message"),
     [
         (lambda: Range(60.0, 10.0), "range.*60.*10"),
         (lambda: Range(1.0, 1.0), "is empty"),
@@ -67,6 +67,6 @@ def test_ranges_stay_within_their_ends(share, low, factor):
         (lambda: Study("a", "flat", {"x": Values([1.0, 2.0])}, Grid(), repeats=MAX_CASES).cases(), "repeats = .* more"),
     ],
 )
-def test_what_is_no_plan_is_refused_in_one_sentence(make, said):
-    with pytest.raises(ParameterError, match=said):
+def test_what_is_no_plan_is_refused_in_one_sentence(make, message):
+    with pytest.raises(ParameterError, match=message):
         make()

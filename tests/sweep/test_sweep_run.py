@@ -43,9 +43,9 @@ def files(folder):
 
 
 def test_tables_are_equal_to_the_byte_for_one_and_two_workers(tmp_path):
-    one = sweep(STUDY, tmp_path / "one", workers=1, case_function=stub()).table
+    table = sweep(STUDY, tmp_path / "one", workers=1, case_function=stub()).table
     two = sweep(STUDY, tmp_path / "two", workers=2, case_function=stub()).table
-    pd.testing.assert_frame_equal(one, two)
+    pd.testing.assert_frame_equal(table, two)
     assert files(tmp_path / "one") == files(tmp_path / "two")
 
 
@@ -61,8 +61,8 @@ def test_the_table_has_parameters_outcomes_and_reasons(tmp_path):
     assert table["x"][3] == stub()(STUDY, case)["x"]
     pd.testing.assert_frame_equal(collect(tmp_path / "out"), table)
     with (tmp_path / "out" / "results.csv").open() as file:
-        written = [float(row["x"] or "nan") for row in csv.DictReader(file)]
-    np.testing.assert_array_equal(written, table["x"])
+        values = [float(row["x"] or "nan") for row in csv.DictReader(file)]
+    np.testing.assert_array_equal(values, table["x"])
 
 
 def test_the_summary_counts_failures_and_names_reasons_and_files(tmp_path):
@@ -108,9 +108,9 @@ def test_an_interrupted_sweep_goes_on(tmp_path):
 
 def test_a_changed_study_is_refused_with_what_changed(tmp_path):
     sweep(STUDY, tmp_path / "out", workers=1, case_function=stub())
-    other = dataclasses.replace(STUDY, duration=5.0, parameters=dict(reversed(STUDY.parameters.items())))
+    changed_study = dataclasses.replace(STUDY, duration=5.0, parameters=dict(reversed(STUDY.parameters.items())))
     with pytest.raises(DataError, match=r"5.0;.*name"):
-        sweep(other, tmp_path / "out", case_function=stub())
+        sweep(changed_study, tmp_path / "out", case_function=stub())
     with pytest.raises(DataError, match=r"case_function was \".*stub.*\", is \"rover_pin.sweep.case.drive_case\""):
         sweep(STUDY, tmp_path / "out")
 
@@ -156,11 +156,11 @@ def test_folders_that_are_no_sweep_are_refused(tmp_path):
 def test_damaged_files_are_named(tmp_path):
     sweep(STUDY, tmp_path / "out", workers=1, case_function=stub())
     rows = tmp_path / "out" / ROWS
-    kept = rows.read_bytes()
-    rows.write_bytes(b"{]\n" + kept)
+    content = rows.read_bytes()
+    rows.write_bytes(b"{]\n" + content)
     with pytest.raises(DataError, match=r"rows.jsonl, line 1:"):
         collect(tmp_path / "out")
-    rows.write_bytes(kept)
+    rows.write_bytes(content)
     (tmp_path / "out" / "study.json").write_text("{")
     with pytest.raises(DataError, match=r"study.json: not valid JSON"):
         collect(tmp_path / "out")
@@ -172,7 +172,7 @@ def test_a_function_that_cannot_travel_is_told(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("returned", "said"),
+    ("returned", "message"),
     [
         (3.0, "DataError: .*float.*mapping"),
         ({"a": 1.0}, "DataError: .*'a'"),
@@ -180,9 +180,9 @@ def test_a_function_that_cannot_travel_is_told(tmp_path):
         ({"x": [1.0]}, "DataError: .*'x' has the type list"),
     ],
 )
-def test_outcomes_that_fit_no_column_are_reasons(tmp_path, returned, said):
+def test_outcomes_that_fit_no_column_are_reasons(tmp_path, returned, message):
     table = sweep(STUDY, tmp_path / "out", workers=1, case_function=lambda study, case: returned).table
-    assert table["error"].str.match(said).all()
+    assert table["error"].str.match(message).all()
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -205,9 +205,9 @@ def test_dead_worker_is_reported_and_finished_cases_are_kept(tmp_path):
 
     with pytest.raises(SimulationError, match=r"A.*finished"):
         sweep(STUDY, tmp_path / "out", workers=2, case_function=deadly)
-    kept = collect(tmp_path / "out")
-    assert 9 not in set(kept["case"])
-    assert len(kept) > 4
+    collected = collect(tmp_path / "out")
+    assert 9 not in set(collected["case"])
+    assert len(collected) > 4
 
 
 SCRIPT = """
@@ -227,13 +227,13 @@ sweep(study, "FOLDER", workers=2, case_function=slowly)
 
 
 def test_a_line_that_a_killed_sweep_left_incomplete_is_run_again(tmp_path):
-    whole = sweep(STUDY, tmp_path / "whole", workers=1, case_function=stub()).table
+    table = sweep(STUDY, tmp_path / "whole", workers=1, case_function=stub()).table
     sweep(STUDY, tmp_path / "torn", workers=1, case_function=stub())
     rows = tmp_path / "torn" / ROWS
     rows.write_bytes(rows.read_bytes()[:-7])
-    assert len(collect(tmp_path / "torn")) == len(whole) - 1
+    assert len(collect(tmp_path / "torn")) == len(table) - 1
     again = sweep(STUDY, tmp_path / "torn", workers=1, case_function=stub())
-    assert again.taken_over == len(whole) - 1
+    assert again.taken_over == len(table) - 1
     assert files(tmp_path / "torn") == files(tmp_path / "whole")
 
 
@@ -268,10 +268,10 @@ def test_a_killed_sweep_resumes_to_the_same_table(tmp_path):
 
     for folder in ("killed", "whole"):
         process = started(folder)
-        told = process.communicate(timeout=300.0)[1].decode()
-        assert process.returncode == 0, told
-        assert told.startswith(f"killed: {len(finished) if folder == 'killed' else 0} of 32 cases, 0 failed")
-        assert "killed: 32 of 32 cases" in told
+        decode = process.communicate(timeout=300.0)[1].decode()
+        assert process.returncode == 0, decode
+        assert decode.startswith(f"killed: {len(finished) if folder == 'killed' else 0} of 32 cases, 0 failed")
+        assert "killed: 32 of 32 cases" in decode
     assert files(tmp_path / "killed") == files(tmp_path / "whole")
     assert json.loads((tmp_path / "whole" / "study.json").read_text())["plan"] == {"kind": "Sobol", "cases": 32}
 
@@ -284,7 +284,7 @@ class Terminal(io.StringIO):
 def test_a_terminal_shows_a_bar_with_failures_and_the_time_left(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "stderr", Terminal())
     sweep(STUDY, tmp_path / "out", workers=1, case_function=stub())
-    shown = sys.stderr.getvalue()
-    assert "16/16" in shown
-    assert "2 failed" in shown
-    assert re.search(r"0:00:00\S* left", shown)
+    bar = sys.stderr.getvalue()
+    assert "16/16" in bar
+    assert "2 failed" in bar
+    assert re.search(r"0:00:00\S* left", bar)

@@ -54,7 +54,7 @@ def test_a_point_drawn_twice_counts_as_a_repeat():
 
 
 @pytest.fixture
-def written(tmp_path):
+def write_study(tmp_path):
     def write(text):
         path = tmp_path / "study.toml"
         path.write_text(text, encoding="utf-8")
@@ -63,8 +63,8 @@ def written(tmp_path):
     return write
 
 
-def test_a_file_gives_the_study_in_si_units(written):
-    study = read_study(written(TOML))
+def test_a_file_gives_the_study_in_si_units(write_study):
+    study = read_study(write_study(TOML))
     assert (study.name, study.scenario, study.duration, study.seed, study.repeats) == ("trial", "ditch", 20.0, 4, 2)
     assert study.plan == Grid(3)
     assert study.paired == (("soil.c", "soil.phi"),)
@@ -77,7 +77,7 @@ def test_a_file_gives_the_study_in_si_units(written):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("duration = 20.0", "durration = 20.0", "'durration':.*'duration'"),
         ('scenario = "ditch"', "", "study.*'scenario'"),
@@ -109,20 +109,20 @@ def test_a_file_gives_the_study_in_si_units(written):
         ('name = "trial"', 'name = "a/b"', "name = 'a/b'"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_said_in_one_sentence(written, old, new, said):
+def test_what_is_wrong_in_a_file_is_said_in_one_sentence(write_study, old, new, message):
     assert old in TOML
-    path = written(TOML.replace(old, new, 1))
-    with pytest.raises(ParameterError, match=said) as caught:
+    path = write_study(TOML.replace(old, new, 1))
+    with pytest.raises(ParameterError, match=message) as caught:
         read_study(path)
     assert str(caught.value).startswith(str(path))
 
 
-def test_a_file_that_is_no_study_is_refused(written, tmp_path):
+def test_a_file_that_is_no_study_is_refused(write_study, tmp_path):
     with pytest.raises(DataError, match=r"none.toml:.*cannot"):
         read_study(tmp_path / "none.toml")
     with pytest.raises(DataError, match="is not TOML"):
-        read_study(written("name = "))
+        read_study(write_study("name = "))
     with pytest.raises(ParameterError, match="varies nothing"):
-        read_study(written('name = "a"\nscenario = "b"\nplan = { kind = "grid" }\n[parameters]\n'))
+        read_study(write_study('name = "a"\nscenario = "b"\nplan = { kind = "grid" }\n[parameters]\n'))
     with pytest.raises(ParameterError, match=r"\[parameters\]"):
-        read_study(written('name = "a"\nscenario = "b"\nplan = { kind = "grid" }\nparameters = 3\n'))
+        read_study(write_study('name = "a"\nscenario = "b"\nplan = { kind = "grid" }\nparameters = 3\n'))

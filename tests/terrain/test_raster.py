@@ -85,7 +85,7 @@ def test_files_that_are_refused(tmp_path, geotiff):
     (tmp_path / "bad.tif").write_bytes(b"II*\0 and no more")
     (tmp_path / "bad.png").write_bytes(b"\x89PNG")
     sizes = {"cell": 1.0, "relief": 1.0}
-    for path, given, says in (
+    for path, content, says in (
         (npy(tmp_path), {}, "terrain.cell is.*give it"),
         (npy(tmp_path), sizes, "terrain.relief is.*leave it out"),
         (geotiff(), {"cell": 1.0}, "terrain.cell is.*leave it out"),
@@ -102,7 +102,7 @@ def test_files_that_are_refused(tmp_path, geotiff):
         (tmp_path / "gone.tif", {}, "No such file"),
     ):
         with pytest.raises(DataError, match=says):
-            from_grid(path, **given)
+            from_grid(path, **content)
 
 
 def test_a_plane_has_its_slope_and_no_roughness():
@@ -252,8 +252,8 @@ def test_filled_cells_continue_the_ground_around(tmp_path, code):
     ground = from_grid(npy(tmp_path, holed), cell=WIDTH, missing="fill")
     z = ground.z.T[::-1]
     assert z - z[0, 0] == pytest.approx(saddle - saddle[0, 0], abs=0.02 * np.ptp(saddle[9:17, 19:29]))
-    known = holed == saddle
-    assert (z - z[0, 0])[known] == pytest.approx((saddle - saddle[0, 0])[known], abs=1e-12)
+    is_known = holed == saddle
+    assert (z - z[0, 0])[is_known] == pytest.approx((saddle - saddle[0, 0])[is_known], abs=1e-12)
 
 
 def test_a_cut_keeps_the_largest_rectangle_at_its_place(tmp_path):
@@ -279,8 +279,8 @@ def test_a_cut_keeps_the_largest_rectangle_at_its_place(tmp_path):
         z = ground.z.T[::-1]
         x, y = np.meshgrid(np.arange(columns) - (columns - 1) / 2, (rows - 1) / 2 - np.arange(rows))
         low_x, high_x, low_y, high_y = ground.extent
-        kept = (x >= low_x) & (x <= high_x) & (y >= low_y) & (y <= high_y)
-        assert ground.height(x[kept], y[kept]) == pytest.approx(heights[kept] - heights[kept].min())
+        stored = (x >= low_x) & (x <= high_x) & (y >= low_y) & (y <= high_y)
+        assert ground.height(x[stored], y[stored]) == pytest.approx(heights[stored] - heights[stored].min())
         assert z.min() == 0.0
 
 
@@ -393,8 +393,8 @@ print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)
 def peak_of(path, *words):
     """Return the last line of what reading says, and by how many MiB its memory grew."""
     done = subprocess.run([sys.executable, "-c", READ, str(path), *words], capture_output=True, text=True, check=True)
-    *said, grown = done.stdout.splitlines()
-    return " ".join(said), int(grown)
+    *lines, grown = done.stdout.splitlines()
+    return " ".join(lines), int(grown)
 
 
 def large(kind, tmp_path, side):
@@ -422,9 +422,9 @@ def large(kind, tmp_path, side):
 @pytest.mark.parametrize(("kind", "words"), [("png", ("cell=1", "relief=1")), ("tif", ())])
 def test_a_map_beyond_the_limit_is_refused_before_it_is_decoded(kind, words, tmp_path):
     """11,000 x 11,000 cells in 0.5 MB took 5.7 GB."""
-    said, grown = peak_of(large(kind, tmp_path, 11_000), *words)
-    assert "11000 rows of 11000 cells" in said
-    assert str(MAX_HEIGHTS) in said
+    lines, grown = peak_of(large(kind, tmp_path, 11_000), *words)
+    assert "11000 rows of 11000 cells" in lines
+    assert str(MAX_HEIGHTS) in lines
     assert grown < 100
 
 
@@ -432,6 +432,6 @@ def test_a_map_beyond_the_limit_is_refused_before_it_is_decoded(kind, words, tmp
 @pytest.mark.parametrize(("kind", "words"), [("png", ("cell=1", "relief=1")), ("tif", ())])
 def test_a_map_at_the_limit_takes_a_gibibyte(kind, words, tmp_path):
     side = math.isqrt(MAX_HEIGHTS)
-    said, grown = peak_of(large(kind, tmp_path, side), *words)
-    assert not said
+    lines, grown = peak_of(large(kind, tmp_path, side), *words)
+    assert not lines
     assert grown < 1024

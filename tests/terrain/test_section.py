@@ -16,22 +16,22 @@ from rover_pin.terrain.terrain import HeightGrid, Lanes, Profile
 R, B = 0.045, 0.05
 
 
-def patches(*given):
-    return patches_and_sinkage(*given)[0]
+def patches(*value):
+    return patches_and_sinkage(*value)[0]
 
 
 def upright(x, z, yaw=0.0, y=0.0):
     return wheel_frame(np.array([x, y, z]), np.array([-math.sin(yaw), math.cos(yaw), 0.0]))
 
 
-def resultant(found):
+def resultant(expected):
     """Radial pressure in proportion to depth, summed over the patches: the exact resultant for n = 1."""
     total = np.zeros(3)
-    for patch in found:
-        own = math.acos(1.0 - patch.h / R)
-        whole = own - math.sin(own) * math.cos(own)
+    for patch in expected:
+        acos = math.acos(1.0 - patch.h / R)
+        full = acos - math.sin(acos) * math.cos(acos)
         t = np.cross(np.array([0.0, 1.0, 0.0]), patch.facet.normal)
-        total += R * whole * (patch.share * patch.facet.normal - patch.tilt * t)
+        total += R * full * (patch.share * patch.facet.normal - patch.tilt * t)
     return total
 
 
@@ -54,9 +54,9 @@ def brute_force(corners, centre, count=40001):
 def test_a_slope_is_one_whole_patch_at_any_heading(yaw):
     terrain = incline(math.radians(12.0), start=-5.0)
     height = float(terrain.height(0.3, 0.0)) + 0.95 * R
-    found = patches(terrain, upright(0.3, height, yaw), R, B, [1.0])
-    assert [patch.share for patch in found] == [1.0]
-    assert found[0].facet.normal == pytest.approx(terrain.normal(0.3, 0.0))
+    patch_list = patches(terrain, upright(0.3, height, yaw), R, B, [1.0])
+    assert [patch.share for patch in patch_list] == [1.0]
+    assert patch_list[0].facet.normal == pytest.approx(terrain.normal(0.3, 0.0))
 
 
 @settings(max_examples=60)
@@ -64,12 +64,12 @@ def test_a_slope_is_one_whole_patch_at_any_heading(yaw):
 def test_parts_of_a_plane_add_up_to_the_plane(cut, h, n):
     """For any exponent: one sinkage, shares that add up to 1, leans that cancel."""
     split = Lanes((Profile(np.array([-1.0, cut - 0.011, cut, cut + 0.007, 1.0]), np.zeros(5)),))
-    found = patches(split, upright(0.0, R - h), R, B, [n])
-    assert [patch.h for patch in found] == pytest.approx([h] * len(found))
-    assert sum(patch.share for patch in found) == pytest.approx(1.0, rel=1e-9)
-    assert sum(patch.turn for patch in found) == pytest.approx(1.0, rel=1e-9)
-    assert sum(patch.tilt for patch in found) == pytest.approx(0.0, abs=1e-9)
-    assert max(patch.depth for patch in found) == pytest.approx(h)
+    patch_list = patches(split, upright(0.0, R - h), R, B, [n])
+    assert [patch.h for patch in patch_list] == pytest.approx([h] * len(patch_list))
+    assert sum(patch.share for patch in patch_list) == pytest.approx(1.0, rel=1e-9)
+    assert sum(patch.turn for patch in patch_list) == pytest.approx(1.0, rel=1e-9)
+    assert sum(patch.tilt for patch in patch_list) == pytest.approx(0.0, abs=1e-9)
+    assert max(patch.depth for patch in patch_list) == pytest.approx(h)
 
 
 @pytest.mark.parametrize("wall", [20.0, 45.0, 70.0])
@@ -78,8 +78,8 @@ def test_a_lip_is_the_arc_integral(wall, x):
     corners = np.array([[-1.0, 0.0], [0.0, 0.0], [1.0, -math.tan(math.radians(wall))]])
     terrain = Lanes((Profile(corners[:, 0], corners[:, 1]),))
     centre = np.array([x, R - 0.008])
-    found = resultant(patches(terrain, upright(*centre), R, B, [1.0]))
-    assert found[[0, 2]] == pytest.approx(brute_force(corners, centre), rel=2e-3, abs=2e-7)
+    total_force = resultant(patches(terrain, upright(*centre), R, B, [1.0]))
+    assert total_force[[0, 2]] == pytest.approx(brute_force(corners, centre), rel=2e-3, abs=2e-7)
 
 
 @pytest.mark.slow
@@ -108,15 +108,15 @@ def test_a_lip_at_the_wheel_s_reach_ends_the_ground_s_arc(gap, sunk, ahead, fall
     lip, foot = ahead * gap * R, ahead * (gap * R + 0.02)
     x, z = [-ahead, lip, foot, foot + 0.3 * ahead], [0.0, 0.0, *[-fall * 0.02 * math.tan(math.radians(80.0))] * 2]
     profile = Profile(*zip(*sorted(zip(x, z, strict=True)), strict=True))
-    found = patches(Lanes((profile,)), upright(0.0, (1.0 - sunk) * R), R, B, [1.0])
-    assert gap < 1.0 or fall < 0.0 or len(found) == 1
-    (level,) = (patch for patch in found if patch.facet.normal[2] == 1.0)
+    patch_list = patches(Lanes((profile,)), upright(0.0, (1.0 - sunk) * R), R, B, [1.0])
+    assert gap < 1.0 or fall < 0.0 or len(patch_list) == 1
+    (level,) = (patch for patch in patch_list if patch.facet.normal[2] == 1.0)
     along = np.array([math.cos(math.radians(40.0)), -fall * ahead * math.sin(math.radians(40.0))])
     theta = np.linspace(-math.pi, math.pi, 200001)
     rim = np.column_stack([np.sin(theta), -np.cos(theta)])
-    own = ahead * ((rim - [ahead * gap, sunk - 1.0]) @ along) < 0.0
+    in_front = ahead * ((rim - [ahead * gap, sunk - 1.0]) @ along) < 0.0
     weight = np.maximum(np.cos(theta) - (1.0 - sunk), 0.0) * np.cos(theta)
-    assert level.share == pytest.approx(weight[own].sum() / weight.sum(), rel=1e-3)
+    assert level.share == pytest.approx(weight[in_front].sum() / weight.sum(), rel=1e-3)
 
 
 def test_a_level_height_grid_is_flat_ground():
@@ -167,20 +167,20 @@ RAISED = Profile([-1.0, 1.0], [0.01, 0.01])
 @pytest.mark.parametrize("yaw", [0.0, 0.7, math.pi / 2, math.pi])
 def test_two_lanes_alike_are_one(yaw):
     twice, frame = Lanes((LEVEL, LEVEL, LEVEL), (-0.01, 0.012)), upright(0.0, R - 0.008, yaw)
-    found, sinkage = patches_and_sinkage(twice, frame, R, B, [1.0])
-    assert len(found) > 1
-    assert resultant(found) == pytest.approx(resultant(patches(flat(), frame, R, B, [1.0])), abs=1e-12)
+    patch_list, sinkage = patches_and_sinkage(twice, frame, R, B, [1.0])
+    assert len(patch_list) > 1
+    assert resultant(patch_list) == pytest.approx(resultant(patches(flat(), frame, R, B, [1.0])), abs=1e-12)
     assert sinkage == pytest.approx(0.008, abs=1e-12)
-    assert sum(patch.share for patch in found) == pytest.approx(1.0, abs=1e-12)
-    assert sum(patch.side for patch in found) == pytest.approx(0.0, abs=1e-12)
+    assert sum(patch.share for patch in patch_list) == pytest.approx(1.0, abs=1e-12)
+    assert sum(patch.side for patch in patch_list) == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, math.pi / 2])
 def test_lanes_carry_by_their_share_of_the_width_over_an_edge(yaw):
     """With an edge under a wheel's middle half of it is 18 mm deep, half 8 mm; moved by 1 nm nothing jumps."""
     terrain = Lanes((LEVEL, RAISED), (0.0,))
-    found, sinkage = patches_and_sinkage(terrain, upright(0.0, R - 0.008, yaw), R, B, [1.0])
-    assert sorted((round(patch.h, 9), round(patch.share, 9)) for patch in found) == [(0.008, 0.5), (0.018, 0.5)]
+    patch_list, sinkage = patches_and_sinkage(terrain, upright(0.0, R - 0.008, yaw), R, B, [1.0])
+    assert sorted((round(patch.h, 9), round(patch.share, 9)) for patch in patch_list) == [(0.008, 0.5), (0.018, 0.5)]
     assert sinkage == pytest.approx(0.013)
     forces = [
         resultant(patches(terrain, upright(0.0, R - 0.008, yaw, y), R, B, [1.0])) for y in np.linspace(-0.06, 0.06, 241)
@@ -203,10 +203,10 @@ def test_an_edge_pushes_by_what_moving_across_it_stores(n):
         return R * np.trapezoid(np.maximum(R * (np.cos(theta) - np.cos(edge)), 0.0) ** n * np.cos(theta), theta)
 
     def stored(h):
-        return np.trapezoid([normal(each) for each in np.linspace(0.0, h, 101)], np.linspace(0.0, h, 101))
+        return np.trapezoid([normal(value) for value in np.linspace(0.0, h, 101)], np.linspace(0.0, h, 101))
 
-    found = patches(terrain, upright(0.0, z, y=0.01), R, B, [n])
-    push = sum(patch.side * normal(patch.h) for patch in found)
+    patch_list = patches(terrain, upright(0.0, z, y=0.01), R, B, [n])
+    push = sum(patch.side * normal(patch.h) for patch in patch_list)
     assert push < 0.0, "away from the raised lane"
     assert push == pytest.approx(-1.26 * (stored(0.016) - stored(0.006)) / B, rel=0.06)
 
@@ -230,8 +230,10 @@ def test_parts_of_a_straight_run_add_up_to_it(at, depth, yaw, slopes, exponent):
     for facet in strip.facets:
         ends = [facet.start + share * (facet.end - facet.start) for share in (0.0, 1 / 3, 2 / 3, 1.0)]
         thirds += [facet._replace(start=a, end=b) for a, b in pairwise(ends)]
-    whole, parts = (
-        _patches_of(strip._replace(facets=each, slope=7.0), R, [exponent]) for each in (strip.facets, thirds)
+    full, parts = (
+        _patches_of(strip._replace(facets=facets, slope=7.0), R, [exponent]) for facets in (strip.facets, thirds)
     )
-    pull = [sum(np.append(p.share * p.facet.normal, [p.tilt, p.turn, p.side]) for p in each) for each in (whole, parts)]
+    pull = [
+        sum(np.append(p.share * p.facet.normal, [p.tilt, p.turn, p.side]) for p in facets) for facets in (full, parts)
+    ]
     assert pull[0] == pytest.approx(pull[1], abs=1e-5 if exponent != 1.0 else 1e-11)

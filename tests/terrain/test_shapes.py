@@ -47,17 +47,19 @@ def test_ditch_volume(depth, wall_deg):
 @given(st.integers(0, 10_000), st.integers(1, 20))
 def test_rocks_are_half_buried_and_apart(seed, count):
     terrain = shapes.rocks(seed, count, 0.5, 2.0)
-    found = []
+    rock_places = []
     for profile in terrain.profiles:
         x, z, hard = profile.x, profile.z, profile.ground == 1
         assert z[0] == z[-1] == 0.0
         assert np.all(z[:-1][~hard] == 0.0)
         assert np.count_nonzero(hard) % shapes.ROCK_PIECES == 0
-        found += list(x[1:][hard][shapes.ROCK_PIECES - 1 :: shapes.ROCK_PIECES] - x[:-1][hard][:: shapes.ROCK_PIECES])
+        rock_places += list(
+            x[1:][hard][shapes.ROCK_PIECES - 1 :: shapes.ROCK_PIECES] - x[:-1][hard][:: shapes.ROCK_PIECES]
+        )
         assert np.all((x[1:-1] >= 0.5 - 1e-9) & (x[1:-1] <= 2.5 + 1e-9))
         assert np.max(z) <= 0.05
-    assert len(found) == count
-    assert 0.05 - 1e-9 <= min(found) <= max(found) <= 0.10 + 1e-9
+    assert len(rock_places) == count
+    assert 0.05 - 1e-9 <= min(rock_places) <= max(rock_places) <= 0.10 + 1e-9
     assert not terrain.mirror_symmetric
 
 

@@ -20,15 +20,15 @@ def test_profile_height_and_slope_inside_and_beyond():
     assert RAMP.slope(np.array([-2.0, 0.5, 1.0, 9.0])) == pytest.approx([0.5, 0.5, 0.0, 0.0])
 
 
-@pytest.mark.parametrize("far", [0.0, 3e3, 1e6])
-def test_a_straight_run_is_straight_wherever_it_lies(far):
+@pytest.mark.parametrize("distance", [0.0, 3e3, 1e6])
+def test_a_straight_run_is_straight_wherever_it_lies(distance):
     """Points amid a slope of 0.1 are off it by the last digit of the greatest coordinate: they are left out."""
-    x = far + np.array([0.0, 0.1, 0.3, 0.7, 1.0, 2.0])
+    x = distance + np.array([0.0, 0.1, 0.3, 0.7, 1.0, 2.0])
     for ends in (x, -x[::-1]):
-        for up in (0.0, far):
-            straight = Profile(ends, up + 0.1 * (ends - far)).without_collinear_points()
+        for up in (0.0, distance):
+            straight = Profile(ends, up + 0.1 * (ends - distance)).without_collinear_points()
             assert straight.x.tolist() == [ends[0], ends[-1]]
-    bent = Profile(x, np.where(x > far + 0.5, 1e-8 * max(1.0, far), 0.0))
+    bent = Profile(x, np.where(x > distance + 0.5, 1e-8 * max(1.0, distance), 0.0))
     assert bent.without_collinear_points().x.size == 4
 
 

@@ -40,14 +40,14 @@ def test_one_more_draw_lies_inside_as_often_as_said():
     random = np.random.default_rng(2)
     rows = random.normal(size=(4000, 9))
     intervals = [Prediction.of(row[:8]) for row in rows]
-    held = np.mean([low <= row[8] <= high for (_, low, high), row in zip(intervals, rows, strict=True)])
-    assert held == pytest.approx(0.90, abs=0.015)
+    values = np.mean([low <= row[8] <= high for (_, low, high), row in zip(intervals, rows, strict=True)])
+    assert values == pytest.approx(0.90, abs=0.015)
 
 
 @given(st.lists(st.floats(-5, 5), min_size=2, max_size=9), st.floats(-3, 3), st.floats(0.1, 10))
 def test_a_prediction_moves_and_scales_with_its_values(values, shift, scale):
-    plain, moved = Prediction.of(values), Prediction.of([shift + scale * value for value in values])
-    assert moved == pytest.approx(tuple(shift + scale * number for number in plain), abs=1e-6)
+    plain, shifted = Prediction.of(values), Prediction.of([shift + scale * value for value in values])
+    assert shifted == pytest.approx(tuple(shift + scale * number for number in plain), abs=1e-6)
 
 
 def result_of(now, tuned, files=("a", "a", "b", "b")):

@@ -62,9 +62,9 @@ def test_reduced_drive_is_near_the_full_one(name, settings, slip, speed):
     """RMSE over 12 s; the bump's is what the suspension's own motion, left out, is worth."""
     scene = scenario(name, soil="table-1", **settings, duration=12.0)
     trace = simulate(scene.model, ConstantDuty(), 12.0, symmetric=True)
-    own = ReducedDrive(scene.model, OPEN, 12.0).drive(HELD, trace.t)
-    assert np.sqrt(np.mean((own["v"] - trace["body_vx"]) ** 2)) < speed
-    assert np.sqrt(np.mean((own["slip"] - trace.stack("slip")[:, ::2]) ** 2)) < slip
+    driven = ReducedDrive(scene.model, OPEN, 12.0).drive(HELD, trace.t)
+    assert np.sqrt(np.mean((driven["v"] - trace["body_vx"]) ** 2)) < speed
+    assert np.sqrt(np.mean((driven["slip"] - trace.stack("slip")[:, ::2]) ** 2)) < slip
 
 
 @pytest.mark.parametrize("rover", ["nexus6", "cart"])
@@ -75,9 +75,9 @@ def test_each_axle_carries_its_full_drive_load_on_a_slope(rover, degrees):
     soil = TABLE_1.replace(k=0.02) if rover == "nexus6" else own_soil(load_rover(rover)).value
     scene = scenario("incline", rover=rover, soil=soil, **slope)
     trace = simulate(scene.model, ConstantDuty(), 8.0, scene.start, scene.timing, symmetric=True)
-    own = ReducedDrive(scene.model, OPEN, 8.0, scene.start.x).drive(HELD, trace.t)
-    assert own["sinkage"][-1] == pytest.approx(trace.stack("sinkage")[-1, ::2], rel=0.04)
-    assert own["slip"][-1] == pytest.approx(trace.stack("slip")[-1, ::2], abs=0.02)
+    driven = ReducedDrive(scene.model, OPEN, 8.0, scene.start.x).drive(HELD, trace.t)
+    assert driven["sinkage"][-1] == pytest.approx(trace.stack("sinkage")[-1, ::2], rel=0.04)
+    assert driven["slip"][-1] == pytest.approx(trace.stack("slip")[-1, ::2], abs=0.02)
 
 
 def test_reduced_drive_under_control_is_near_the_full_one():
@@ -87,8 +87,8 @@ def test_reduced_drive_under_control_is_near_the_full_one():
     estimate = TableEstimate(SpeedTable((0.0, 0.1, 1.0), (0.0, 0.003, 0.092)), 0.045)
     limit, gains = TorqueLimit.saturation(model), Gains(k_p=0.2, k_i=0.3, delta_max=0.7)
     trace = simulate(model, SlipControl(gains, estimate, limit), 12.0, symmetric=True)
-    own = ReducedDrive(model, ContinuousControl(estimate, limit), 12.0).drive(gains, trace.t)
-    assert own["x"][-1] == pytest.approx(trace["body_x"][-1], rel=0.03)
+    driven = ReducedDrive(model, ContinuousControl(estimate, limit), 12.0).drive(gains, trace.t)
+    assert driven["x"][-1] == pytest.approx(trace["body_x"][-1], rel=0.03)
 
 
 @pytest.mark.parametrize(("k", "degrees", "c_d"), [(0.05, 5, 0.1), (0.025, 9, 0.1)])
@@ -99,10 +99,10 @@ def test_a_wheel_digs_in_as_deep_as_in_the_full_drive(k, degrees, c_d):
     for S_d in (0.3, 1.0):
         control, gains = TrueSlip(), Gains(S_d=S_d, k_p=0.3)
         trace = simulate(scene.model, SlipControl(gains, control), 25.0, symmetric=True)
-        own = ReducedDrive(scene.model, OPEN, 25.0).drive(gains, trace.t)
-        assert np.sqrt(np.mean((own["slip"] - trace.stack("slip")[:, ::2]) ** 2)) < (0.05 if S_d < 1.0 else 0.1)
-        assert np.sqrt(np.mean((own["sinkage"] - trace.stack("sinkage")[:, ::2]) ** 2)) < 1e-3
-        assert own["x"][-1] == pytest.approx(trace["body_x"][-1], abs=0.05)
+        driven = ReducedDrive(scene.model, OPEN, 25.0).drive(gains, trace.t)
+        assert np.sqrt(np.mean((driven["slip"] - trace.stack("slip")[:, ::2]) ** 2)) < (0.05 if S_d < 1.0 else 0.1)
+        assert np.sqrt(np.mean((driven["sinkage"] - trace.stack("sinkage")[:, ::2]) ** 2)) < 1e-3
+        assert driven["x"][-1] == pytest.approx(trace["body_x"][-1], abs=0.05)
 
 
 @pytest.mark.parametrize("d", [0.0, 10.0])

@@ -28,15 +28,17 @@ STUDY = TuningStudy("small", (INCLINE, FLAT), (HELD_OUT,), {"k_p": (0.01, 5.0), 
 def tuned(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tuned")
     stages = []
-    return tune_gains(STUDY, folder, lambda *told: stages.append(told), workers=1), folder, stages
+    return tune_gains(STUDY, folder, lambda *message: stages.append(message), workers=1), folder, stages
 
 
 def test_full_rover_decides_and_the_old_gains_are_a_candidate(tuned):
     result = tuned[0]
     assert result.candidates[0].stage == "before"
-    assert result.gains == min(result.candidates, key=lambda each: each.cost).law.gains
+    assert result.gains == min(result.candidates, key=lambda candidate: candidate.cost).law.gains
     again = [Score(*full_score(case, Control.of("true", result.law))) for case in STUDY.training]
-    assert np.mean([score.cost(STUDY.cost) for score in again]) == min(each.cost for each in result.candidates)
+    assert np.mean([score.cost(STUDY.cost) for score in again]) == min(
+        candidate.cost for candidate in result.candidates
+    )
 
 
 def test_a_finished_tuning_is_not_run_again_and_says_the_same(tuned):
@@ -124,11 +126,11 @@ def test_a_damaged_or_impossible_file_of_evaluations(tmp_path):
 
 def test_an_evaluation_of_other_code_is_run_again(tmp_path, monkeypatch):
     """The laws of a drive had changed and a folder of before still answered."""
-    jobs, own = [(FLAT, Control.of("constant", SlipLaw(Gains())))], key_of(full_score, (1,))
+    jobs, key = [(FLAT, Control.of("constant", SlipLaw(Gains())))], key_of(full_score, (1,))
     before = Evaluations(tmp_path, 1, None)
     before.run("drives", full_score, jobs)
     monkeypatch.setattr(evaluations, "key_of_code", lambda others: "another program")
-    assert key_of(full_score, (1,)) != own
+    assert key_of(full_score, (1,)) != key
     after = Evaluations(tmp_path, 1, None)
     after.run("drives", full_score, jobs)
     assert (before.fresh, after.fresh) == (1, 1)
@@ -152,15 +154,15 @@ BEFORE_A_WALL = DriveCase("ditch", "ditch", (("duration", 14.0), *LOOSE, ("terra
 
 def test_digging_drive_is_buried_in_both_models_at_a_cost():
     """Constant duty buries a wheel within 30 s; the law that holds S at 0.3 does not. Score by score, both models."""
-    bare, held = Control.of("true", SlipLaw(Gains(k_p=0.0, k_i=0.0))), Control.of("true", SlipLaw(Gains(S_d=0.3)))
-    for control, buried in ((bare, 1.0), (held, 0.0)):
+    bare, fixed = Control.of("true", SlipLaw(Gains(k_p=0.0, k_i=0.0))), Control.of("true", SlipLaw(Gains(S_d=0.3)))
+    for control, buried in ((bare, 1.0), (fixed, 0.0)):
         reduced, full = Score(*reduced_score(DIGGING, control)), Score(*full_score(DIGGING, control))
         assert full.buried == buried
         assert reduced.buried == pytest.approx(buried, abs=0.05)
         assert reduced.stuck == pytest.approx(full.stuck, abs=0.12)  # held, it all but stands: 0.89 of the smooth count
         assert reduced.sinkage == pytest.approx(full.sinkage, abs=0.025)  # of r; 0.022 where it is buried
         assert reduced.cost(Cost()) == pytest.approx(full.cost(Cost()), abs=0.1)
-    deeper = Score(*full_score(DIGGING, bare)).sinkage - Score(*full_score(DIGGING, held)).sinkage
+    deeper = Score(*full_score(DIGGING, bare)).sinkage - Score(*full_score(DIGGING, fixed)).sinkage
     assert deeper > 0.05
 
 
@@ -181,9 +183,9 @@ def test_a_drive_that_ended_early_stays_as_deep_as_it_was():
     """Its sinkage is the mean over the time that it was to last, its last value held."""
     scene = build(FLAT)
     trace = scene.drive()
-    half, whole = (score_trace(trace, scene.model, duration).sinkage for duration in (8.0, 4.0))
+    half, full = (score_trace(trace, scene.model, duration).sinkage for duration in (8.0, 4.0))
     last = float(np.mean(trace.stack("sinkage")[-1])) / 0.045
-    assert half == pytest.approx(0.5 * (whole + last), rel=0.02)
+    assert half == pytest.approx(0.5 * (full + last), rel=0.02)
 
 
 def test_the_reduced_model_is_checked_where_the_rover_moves():
@@ -211,5 +213,5 @@ def test_full_rover_is_searched_if_the_reduced_model_is_wrong():
     assert ("search on the full rover", 5, 5) in stages
     assert ("search on the reduced model", 5, 5) in stages
     assert "1 of 2 drives" in result.search_notes[0]
-    assert [each.stage for each in result.candidates] == ["before", "search", "polish"]
+    assert [candidate.stage for candidate in result.candidates] == ["before", "search", "polish"]
     assert set(result.search_notes) <= set(result.summary()["verdict"])

@@ -60,10 +60,10 @@ def test_a_study_of_the_hole_law_is_read_and_placed(tmp_path):
 
 
 def test_a_sensed_drive_depends_on_its_seed_and_repeats():
-    one, other = (full_score(SLOPE, Control.of("onboard", LAW, seed)) for seed in (1, 2))
-    assert one != other
-    assert one == full_score(SLOPE, Control.of("onboard", LAW, 1))
-    assert np.allclose(one, other, atol=0.15)
+    first_score, second_score = (full_score(SLOPE, Control.of("onboard", LAW, seed)) for seed in (1, 2))
+    assert first_score != second_score
+    assert first_score == full_score(SLOPE, Control.of("onboard", LAW, 1))
+    assert np.allclose(first_score, second_score, atol=0.15)
 
 
 def test_the_tuned_drive_is_that_of_the_scenario_without_noise():
@@ -116,8 +116,8 @@ def test_tune_drives_what_sensors_say(tmp_path, run):
     assert {"training: tuned, onboard", "held out: before, onboard"} <= set(summary)
     assert any("training" in line and "incline" in line and "constant duty" in line for line in summary["where"])
     table = list(csv.DictReader((tmp_path / "out" / "drives.csv").read_text().splitlines()))
-    own = [row for row in table if row["control"] == "tuned, onboard"]
-    rows = [(row["set"], row["seed"]) for row in own]
+    local = [row for row in table if row["control"] == "tuned, onboard"]
+    rows = [(row["set"], row["seed"]) for row in local]
     assert rows == [("training", "1"), ("training", "2"), ("held out", "3"), ("held out", "4")]
     gains = tomllib.loads((tmp_path / "out" / "gains.toml").read_text())
     assert gains["hole"]["deep"] == summary["hole law"]["deep"]

@@ -82,9 +82,9 @@ def test_a_soil_named_by_a_drive_contradicts_the_file(tmp_path):
 
 
 def test_a_drive_with_a_model_of_its_own_is_refused(tmp_path):
-    own = TuningStudy("s", (DriveCase("own", "flat", (("model", "a.toml"),)),))
+    study = TuningStudy("s", (DriveCase("own", "flat", (("model", "a.toml"),)),))
     with pytest.raises(ParameterError, match=r"'s':.*a.toml"):
-        own.on_model(tmp_path / "b.toml")
+        study.on_model(tmp_path / "b.toml")
 
 
 @pytest.mark.parametrize(

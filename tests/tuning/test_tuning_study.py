@@ -76,23 +76,23 @@ def test_random_drives_depend_on_the_seed_only():
     drives = random_drives(3, 4, 2, 30.0)
     assert drives == random_drives(3, 4, 2, 30.0)
     assert drives != random_drives(4, 4, 2, 30.0)
-    assert [each.scenario for each in drives] == ["ditch"] * 4 + ["incline"] * 2
-    assert len({each.name for each in drives}) == 6
-    assert any(each.post_peak for each in drives)
-    assert not all(each.post_peak for each in drives)
+    assert [drive.scenario for drive in drives] == ["ditch"] * 4 + ["incline"] * 2
+    assert len({drive.name for drive in drives}) == 6
+    assert any(drive.post_peak for drive in drives)
+    assert not all(drive.post_peak for drive in drives)
 
 
 def test_random_drives_that_dig_are_else_the_same():
     """A share of them gets a c_d of its own and can be built; none and all are none and all."""
     plain = random_drives(3, 4, 4, 30.0)
     some = random_drives(3, 4, 4, 30.0, digging=0.5)
-    digging = [dict(each.settings).pop("add", None) for each in some]
-    assert 0 < sum(each is not None for each in digging) < 8
-    for one, other in zip(plain, some, strict=True):
-        assert [each for each in other.settings if each[0] != "add"] == list(one.settings)
+    digging = [dict(drive.settings).pop("add", None) for drive in some]
+    assert 0 < sum(drive is not None for drive in digging) < 8
+    for plain_drive, digging_drive in zip(plain, some, strict=True):
+        assert [drive for drive in digging_drive.settings if drive[0] != "add"] == list(plain_drive.settings)
     assert random_drives(3, 4, 4, 30.0, digging=0.0) == plain
     everywhere = random_drives(3, 4, 4, 30.0, digging=1.0)
-    assert all(0.02 <= build(each).model.effect(DiggingMemory).c_d <= 0.1 for each in everywhere)
+    assert all(0.02 <= build(drive).model.effect(DiggingMemory).c_d <= 0.1 for drive in everywhere)
     with pytest.raises(ParameterError, match=r"digging = 1.5"):
         random_drives(3, 1, 1, 30.0, digging=1.5)
 

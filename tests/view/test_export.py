@@ -22,9 +22,9 @@ from rover_pin.view.subject import Subject
 
 @pytest.fixture
 def log(run):
-    made = scenario("ditch", duration=1.0)
-    trace = made.drive()
-    made.write_log(trace, "log")
+    case = scenario("ditch", duration=1.0)
+    trace = case.drive()
+    case.write_log(trace, "log")
     return trace
 
 
@@ -54,17 +54,17 @@ def test_mcap_has_every_row_and_every_link(run, log):
     assert [stamp["sec"] * 10**9 + stamp["nsec"] for stamp in stamps] == pytest.approx(logged, abs=2)
     base = frames[-1][0]
     assert base["translation"]["x"] == pytest.approx(log["body_x"][-1])
-    assert sum(each**2 for each in base["rotation"].values()) == pytest.approx(1.0)
+    assert sum(item**2 for item in base["rotation"].values()) == pytest.approx(1.0)
 
 
 def test_rerun_has_every_link_and_every_channel(run, log):
     pytest.importorskip("rerun", reason="an extra of its own, too large for CI's")
     file = exported(run, "rerun")
     assert file.suffix == ".rrd"
-    written = file.read_bytes()
+    content = file.read_bytes()
     wheels = [f"wheel_{name}_link" for name in log.wheels]
-    assert all(f"/rover/{name}".encode() in written for name in ["base_link", *wheels])
-    assert all(f"/channels/{name}".encode() in written for name in log if name != "t_s")
+    assert all(f"/rover/{name}".encode() in content for name in ["base_link", *wheels])
+    assert all(f"/channels/{name}".encode() in content for name in log if name != "t_s")
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg on the path")
@@ -86,8 +86,8 @@ BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "
 
 
 def filmed(name, **settings):
-    made = scenario(name, **settings)
-    return Film.of(made.drive(), made.model.rover, made.model.terrain)
+    case = scenario(name, **settings)
+    return Film.of(case.drive(), case.model.rover, case.model.terrain)
 
 
 def test_plots_have_the_channels_of_the_trace():
@@ -127,16 +127,16 @@ document.getElementById("f").onload = async () => {
 @pytest.mark.nightly
 @pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
 def test_arrow_keys_step_and_the_cursors_follow(tmp_path):
-    made = scenario("flat", duration=1.0)
-    subject = Subject("a flat", made.drive(), made.model.rover, made.model.terrain, None)
+    case = scenario("flat", duration=1.0)
+    subject = Subject("a flat", case.drive(), case.model.rover, case.model.terrain, None)
     frame = tmp_path / "frame.html"
     frame.write_text(KEYS.replace("SRC", write_page(tmp_path / "view.html", subject).as_uri()))
     options = ["--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
                "--allow-file-access-from-files", "--virtual-time-budget=30000", "--dump-dom"]  # fmt: skip
     out = subprocess.run([BROWSER, *options, frame.as_uri()], capture_output=True, text=True, check=True).stdout
-    said = json.loads(unescape(re.search(r'<pre id="said">(.*?)</pre>', out, re.DOTALL)[1]))
-    assert said["times"] == pytest.approx([0.0, 0.05, 0.1, 0.05], abs=1e-3)
-    assert said["title"] == "a flat"
-    assert len(said["cursors"]) == 3
-    assert np.ptp(said["cursors"]) == 0.0
-    assert said["cursors"][0] == pytest.approx(44 + 290 * 0.05 / np.ptp(subject.trace.t), abs=0.1)
+    report = json.loads(unescape(re.search(r'<pre id="said">(.*?)</pre>', out, re.DOTALL)[1]))
+    assert report["times"] == pytest.approx([0.0, 0.05, 0.1, 0.05], abs=1e-3)
+    assert report["title"] == "a flat"
+    assert len(report["cursors"]) == 3
+    assert np.ptp(report["cursors"]) == 0.0
+    assert report["cursors"][0] == pytest.approx(44 + 290 * 0.05 / np.ptp(subject.trace.t), abs=0.1)

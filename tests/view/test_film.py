@@ -21,21 +21,21 @@ from rover_pin.view.shapes import shapes_of
 
 @pytest.fixture(scope="module", params=["nexus6", "cart", "nexus6_links"])
 def driven(request):
-    made = scenario("cross-slope", rover=request.param, duration=1.5)
-    return made, made.drive()
+    case = scenario("cross-slope", rover=request.param, duration=1.5)
+    return case, case.drive()
 
 
 def film_of(driven):
-    made, trace = driven
-    return Film.of(trace, made.model.rover, made.model.terrain)
+    hypothesis, trace = driven
+    return Film.of(trace, hypothesis.model.rover, hypothesis.model.terrain)
 
 
 def test_wheels_stand_on_the_ground_sunk_by_their_sinkage(driven):
-    made, trace = driven
-    film, wheels = film_of(driven), made.model.rover.wheels
-    up = made.model.terrain.normal(0.0, 0.0)
+    hypothesis, trace = driven
+    film, wheels = film_of(driven), hypothesis.model.rover.wheels
+    up = hypothesis.model.terrain.normal(0.0, 0.0)
     for n, wheel in enumerate(wheels):
-        over = film.centres[-1, n, 2] - made.model.terrain.height(*film.centres[-1, n, :2])
+        over = film.centres[-1, n, 2] - hypothesis.model.terrain.height(*film.centres[-1, n, :2])
         # a wheel's lower edge on the slope: half its width times the slope is what the two may differ by
         edge = 0.5 * float(wheel.wheel.b) * 0.11
         depth = trace[f"sinkage_{wheel.name}"][film.rows[-1]]
@@ -43,9 +43,9 @@ def test_wheels_stand_on_the_ground_sunk_by_their_sinkage(driven):
 
 
 def test_forces_carry_the_weight_and_push_along_the_travel(driven):
-    made = driven[0]
+    hypothesis = driven[0]
     film = film_of(driven)
-    weight = made.model.rover.mass * made.model.gravity
+    weight = hypothesis.model.rover.mass * hypothesis.model.gravity
     assert film.forces is not None
     total = film.forces[-1].sum(axis=0)
     assert total[2] == pytest.approx(weight, rel=0.05)
@@ -58,16 +58,16 @@ def test_forces_carry_the_weight_and_push_along_the_travel(driven):
 @pytest.mark.parametrize("name", ["nexus6", "cart"])
 def test_what_was_not_recorded_is_taken_from_the_ground(name):
     """A rover set down by the simulator on a slope, its height and attitude forgotten."""
-    made = scenario("cross-slope", rover=name, duration=0.2, **{"terrain.angle": "8deg"})
-    trace = made.drive()
-    kept = {each: trace[each] for each in ("t_s", "body_x", "body_y", "body_yaw")}
-    found = on_the_ground(Trace(kept), made.model.rover, made.model.terrain)
-    assert found["body_roll"][-1] == pytest.approx(trace["body_roll"][-1], abs=0.01)
-    assert found["body_pitch"][-1] == pytest.approx(trace["body_pitch"][-1], abs=0.01)
-    assert found["body_z"][-1] == pytest.approx(
-        trace["body_z"][-1], abs=0.2 * float(made.model.rover.wheel.r)
+    case = scenario("cross-slope", rover=name, duration=0.2, **{"terrain.angle": "8deg"})
+    trace = case.drive()
+    names = {name: trace[name] for name in ("t_s", "body_x", "body_y", "body_yaw")}
+    ground = on_the_ground(Trace(names), case.model.rover, case.model.terrain)
+    assert ground["body_roll"][-1] == pytest.approx(trace["body_roll"][-1], abs=0.01)
+    assert ground["body_pitch"][-1] == pytest.approx(trace["body_pitch"][-1], abs=0.01)
+    assert ground["body_z"][-1] == pytest.approx(
+        trace["body_z"][-1], abs=0.2 * float(case.model.rover.wheel.r)
     )  # it sinks, unknown
-    assert on_the_ground(trace, made.model.rover, made.model.terrain) is trace
+    assert on_the_ground(trace, case.model.rover, case.model.terrain) is trace
 
 
 def test_a_mesh_is_read_from_the_rovers_folder_and_nowhere_else(tmp_path, caplog):
@@ -102,15 +102,15 @@ def test_slip_legend_stays_in_place_while_the_cursor_passes(driven):
 
 
 def test_a_ghost_is_in_the_moving_picture_at_the_same_time(driven):
-    made, trace = driven
+    hypothesis, trace = driven
     late = dataclasses.replace(trace, channels={**trace.channels, "body_x": trace["body_x"] - 0.1})
-    film, ghost = film_of(driven), Film.of(late, made.model.rover, made.model.terrain)
+    film, ghost = film_of(driven), Film.of(late, hypothesis.model.rover, hypothesis.model.terrain)
     figure, draws = _figure(film, ghost)
     for draw in draws:
         draw(film.t.size - 1)
     rims = [patch for patch in figure.axes[0].patches if isinstance(patch, Circle)]
-    own, other = (sorted(rim.center[0] for rim in rims if rim.get_facecolor()[3] == alpha) for alpha in (1, 0))
-    assert np.array(own) - np.array(other) == pytest.approx(0.1)
+    local, second = (sorted(rim.center[0] for rim in rims if rim.get_facecolor()[3] == alpha) for alpha in (1, 0))
+    assert np.array(local) - np.array(second) == pytest.approx(0.1)
     assert "outlines: the ghost" in [text.get_text() for axes in figure.axes for text in _words(axes)]
     with pytest.raises(DataError, match="compare drives"):
         write_animation(

@@ -51,8 +51,8 @@ def test_where_there_is_no_browser_it_is_said(run, monkeypatch):
 
 @pytest.mark.slow
 def test_a_long_moving_picture_is_shown_faster_and_stays_small(tmp_path):
-    made = scenario("flat", duration=25.0)
-    film = Film.of(made.drive(), made.model.rover, made.model.terrain)
+    case = scenario("flat", duration=25.0)
+    film = Film.of(case.drive(), case.model.rover, case.model.terrain)
     file = write_animation(tmp_path / "flat.gif", film, "flat")
     with Image.open(file) as picture:
         assert picture.n_frames == MAX_PICTURES
@@ -90,8 +90,8 @@ def test_a_missing_viser_or_ffmpeg_is_said_before_the_drive(run, monkeypatch):
 
 
 def test_a_saved_trace_finds_its_ground_by_its_scenario(tmp_path):
-    made = scenario("rocks", duration=0.5, **{"terrain.seed": 3})
-    save_trace(made.drive(), tmp_path / "seen.parquet")
+    case = scenario("rocks", duration=0.5, **{"terrain.seed": 3})
+    save_trace(case.drive(), tmp_path / "seen.parquet")
     subject = read_subject(tmp_path / "seen.parquet")
-    assert subject.terrain == made.model.terrain
+    assert subject.terrain == case.model.terrain
     assert subject.rover.name == "nexus6"

@@ -40,8 +40,8 @@ def test_traction_factor_and_its_slope_are_those_of_the_oracle(slip):
 
 
 def test_a_number_that_is_given_replaces_the_default():
-    defaults, other = traction_function(SAND, WHEEL), traction_function(SAND.replace(phi=0.6), WHEEL)
-    assert float(defaults(S=0.3, phi=0.6)["F"]) == float(other(S=0.3)["F"]) != float(defaults(S=0.3)["F"])
+    defaults, function = traction_function(SAND, WHEEL), traction_function(SAND.replace(phi=0.6), WHEEL)
+    assert float(defaults(S=0.3, phi=0.6)["F"]) == float(function(S=0.3)["F"]) != float(defaults(S=0.3)["F"])
 
 
 def test_bounds_are_those_of_the_oracle_at_the_load_they_state():
@@ -64,12 +64,14 @@ def test_bounds_are_those_of_the_oracle_at_the_load_they_state():
 def test_forces_are_those_of_the_law_that_a_drive_uses(model):
     function = wheel_function(model)
     generator = np.random.default_rng(3)
-    whole = contact_law(model.contact_effects)
+    contact_forces = contact_law(model.contact_effects)
     constants = numbers([model.rover.wheel, model.soils[0]])
     for _ in range(20):
         h, v_x, v_y, v_n, rim = generator.uniform([1e-3, -0.1, -0.03, -0.01, -0.1], [0.02, 0.1, 0.03, 0.01, 0.1])
         states = generator.uniform(-0.3, 0.3, sum(len(effect.states) for effect in model.contact_effects))
-        out = np.array(whole([h, v_x, v_y, v_n, rim, 0.0, 1.0, *constants], states, numbers(model.contact_effects)))
+        out = np.array(
+            contact_forces([h, v_x, v_y, v_n, rim, 0.0, 1.0, *constants], states, numbers(model.contact_effects))
+        )
         named = [name for name in function.name_in() if name.split("_")[0] in ("RelaxedSlip", "SlipSinkage")]
         named = [name for name in named if f"d_{name}" in function.name_out()]
         result = function(h=h, v_x=v_x, v_y=v_y, v_n=v_n, rim=rim, axle=1.0, **dict(zip(named, states, strict=True)))

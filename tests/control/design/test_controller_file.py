@@ -38,11 +38,11 @@ def written(folder, text=CAREFUL):
 def test_a_file_drives_as_its_controller_does(tmp_path):
     file = written(tmp_path)
     hill = {"terrain.angle_deg": 6.0, "terrain.start": 0.2, "duration": 8.0}
-    made = scenario("incline", control=str(file), trust=Trust.of(file), **hill)
-    trace = made.drive()
+    case = scenario("incline", control=str(file), trust=Trust.of(file), **hill)
+    trace = case.drive()
     duty = trace["duty_fl"]
     assert set(np.round(duty, 3)) == {0.25, 0.55}
-    assert made.drive()["body_x"].tobytes() == trace["body_x"].tobytes(), "it is reset"
+    assert case.drive()["body_x"].tobytes() == trace["body_x"].tobytes(), "it is reset"
 
 
 def test_it_runs_only_where_the_user_says_so(tmp_path):
@@ -51,7 +51,7 @@ def test_it_runs_only_where_the_user_says_so(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("x = 1\n", "no function `controller"),
         ("def controller(model):\n    return 0.3\n", "returns 0.3"),
@@ -59,9 +59,9 @@ def test_it_runs_only_where_the_user_says_so(tmp_path):
         ("def controller(model)\n", "line 1.*SyntaxError"),
     ],
 )
-def test_a_mistake_is_a_sentence(tmp_path, text, said):
+def test_a_mistake_is_a_sentence(tmp_path, text, message):
     file = written(tmp_path, text)
-    with pytest.raises(DataError, match=said):
+    with pytest.raises(DataError, match=message):
         scenario("flat", control=str(file), trust=Trust.of(file))
 
 
@@ -76,11 +76,11 @@ def test_the_command_takes_the_file_that_it_names(tmp_path):
         "--out",
         str(tmp_path / "out"),
     ]
-    ran = CliRunner().invoke(app, command)
-    assert ran.exit_code == 0, ran.output
+    completed = CliRunner().invoke(app, command)
+    assert completed.exit_code == 0, completed.output
     (tmp_path / "study.toml").write_text("")
-    ran = CliRunner().invoke(app, ["drive", "flat", "--set", f"control={tmp_path / 'careful.py'}"])
-    assert isinstance(ran.exception, DataError)
+    completed = CliRunner().invoke(app, ["drive", "flat", "--set", f"control={tmp_path / 'careful.py'}"])
+    assert isinstance(completed.exception, DataError)
 
 
 def test_an_error_while_it_drives_names_the_line(tmp_path):

@@ -13,13 +13,13 @@ def law(reading):
 
 
 def test_it_is_the_drive_of_the_same_law():
-    made = scenario("incline", duration=6.0, **{"terrain.start": 0.1, "terrain.angle_deg": 6.0})
-    drive = SteppedDrive(made.model, 6.0, made.start, made.timing)
+    case = scenario("incline", duration=6.0, **{"terrain.start": 0.1, "terrain.angle_deg": 6.0})
+    drive = SteppedDrive(case.model, 6.0, case.start, case.timing)
     times = []
     while not drive.stop:
         times.append(drive.reading.t)
         drive.step(law(drive.reading))
-    wanted = simulate(made.model, law, 6.0, made.start, made.timing, measure_error=False)
+    wanted = simulate(case.model, law, 6.0, case.start, case.timing, measure_error=False)
     assert np.diff(times) == pytest.approx(np.full(len(times) - 1, 0.05))
     assert drive.trace()["body_x"].tobytes() == wanted["body_x"].tobytes()
     assert set(np.round(drive.trace()["duty_fl"], 2)) == {0.3, 0.55}

@@ -30,10 +30,10 @@ def controller_of(name, noisy, scene="ditch", **settings):
     return chosen, NoisyController(chosen.controller, Sensors(), 3) if noisy else chosen.controller
 
 
-def alike(one, other):
-    assert one.attrs["stop"] == other.attrs["stop"]
-    for channel in one.channels:
-        assert one[channel].tobytes() == other[channel].tobytes(), channel
+def alike(first, second):
+    assert first.attrs["stop"] == second.attrs["stop"]
+    for channel in first.channels:
+        assert first[channel].tobytes() == second[channel].tobytes(), channel
 
 
 @pytest.mark.parametrize("noisy", [True, False])
@@ -42,9 +42,12 @@ def test_a_control_in_the_loop_is_the_one_that_is_asked(name, noisy):
     chosen, control = controller_of(name, noisy)
     wheels = len(chosen.model.rover.wheels)
     assert commands_of(control, wheels) is not None
-    own = simulate(chosen.model, control, 8.0, chosen.start, measure_error=False)
-    _, asked = controller_of(name, noisy)
-    alike(own, simulate(chosen.model, lambda reading: asked(reading), 8.0, chosen.start, measure_error=False))
+    trace_of_own = simulate(chosen.model, control, 8.0, chosen.start, measure_error=False)
+    _, asked_control = controller_of(name, noisy)
+    alike(
+        trace_of_own,
+        simulate(chosen.model, lambda reading: asked_control(reading), 8.0, chosen.start, measure_error=False),
+    )
 
 
 def test_it_stops_for_good_in_the_loop_too():
@@ -52,17 +55,19 @@ def test_it_stops_for_good_in_the_loop_too():
     trace = simulate(chosen.model, control, 25.0, chosen.start, measure_error=False)
     assert control.controller.stopped
     assert trace["duty_fl"][-1] == 0.0
-    _, asked = controller_of("hole law", True, "incline", **DIGS)
-    alike(trace, simulate(chosen.model, lambda reading: asked(reading), 25.0, chosen.start, measure_error=False))
-    assert asked.controller.stopped
+    _, asked_control = controller_of("hole law", True, "incline", **DIGS)
+    alike(
+        trace, simulate(chosen.model, lambda reading: asked_control(reading), 25.0, chosen.start, measure_error=False)
+    )
+    assert asked_control.controller.stopped
 
 
 def test_a_drive_in_two_parts_senses_as_one():
     chosen, control = controller_of("hole law", True)
-    whole = simulate(chosen.model, control, 4.0, chosen.start, measure_error=False)
+    trace = simulate(chosen.model, control, 4.0, chosen.start, measure_error=False)
     first = simulate(chosen.model, control, 1.6, chosen.start, measure_error=False)
     second = simulate(chosen.model, control, 2.4, first.end, measure_error=False)
-    np.testing.assert_array_equal(np.r_[first["body_x"], second["body_x"]], whole["body_x"])
+    np.testing.assert_array_equal(np.r_[first["body_x"], second["body_x"]], trace["body_x"])
 
 
 def test_what_must_be_asked_is_asked():

@@ -78,7 +78,7 @@ STEP = 1e-5
 def test_slopes_loads_and_rates_are_those_of_the_posture(rover, off):
     """On four wheels statics leave a load open: there the least of the solutions is approached to 0.1 mN."""
     model = scenario("flat", rover=rover).model
-    places, wheels, chance = suspension_places(model.rover), len(model.rover.wheels), np.random.default_rng(3)
+    places, wheels, rng = suspension_places(model.rover), len(model.rover.wheels), np.random.default_rng(3)
     law = ground_law(model.built, places)
 
     def configured(posture):
@@ -87,8 +87,8 @@ def test_slopes_loads_and_rates_are_those_of_the_posture(rover, off):
         return q
 
     for _ in range(5):
-        posture = chance.uniform(-0.2, 0.2, 2 + len(places))
-        rates, torque = chance.uniform(-0.1, 0.1, posture.size), chance.uniform(0.0, 0.15, wheels)
+        posture = rng.uniform(-0.2, 0.2, 2 + len(places))
+        rates, torque = rng.uniform(-0.1, 0.1, posture.size), rng.uniform(0.0, 0.15, wheels)
         under = UnderWheels(*np.array(law(posture, rates, torque)).reshape(-1, wheels))
         foot, jacobians = footing(model.built, configured(posture))
         level = np.hypot(foot.forward[:, 0], foot.forward[:, 1])
@@ -97,10 +97,10 @@ def test_slopes_loads_and_rates_are_those_of_the_posture(rover, off):
         assert under.load == pytest.approx(
             driven_loads(model.built, configured(posture), torque, foot, jacobians), abs=off
         )
-        (before, there), (after, here) = (
+        (before, there), (after, at_point) = (
             wheel_mounts(model.built, configured(posture + sign * STEP * rates)) for sign in (-1.0, 1.0)
         )
-        speed = (here - there) / (2.0 * STEP)
+        speed = (at_point - there) / (2.0 * STEP)
         assert under.ahead == pytest.approx(speed[:, 0], abs=1e-8)
         assert under.rise == pytest.approx(speed[:, 2], abs=1e-8)
         assert under.swing == pytest.approx(turning([before, after], foot.left)[1] / (2.0 * STEP), abs=1e-8)
@@ -122,22 +122,22 @@ def reading(speed, yaw=0.0, rate=1.2, sideways=0.0):
 def test_odometry_is_late_scaled_noisy_and_lost_as_declared():
     camera = Camera(sd=0.004, scale=1.1, latency=0.5, period=0.1, dropouts=0.2)
     odometry, true = VisualOdometry(camera, PERIOD, 3), np.random.default_rng(1).uniform(0.0, 0.05, 4000)
-    told = np.array([odometry.speed(reading(speed, yaw=0.7, sideways=0.02)) for speed in true])
-    assert np.all(np.isnan(told[:10]))
-    late, seen = true[: len(told) - 10], np.isfinite(told[10:])
-    assert np.mean(seen) == pytest.approx(0.5 * 0.8, abs=0.03)
-    error = told[10:][seen] - 1.1 * late[seen]
+    speeds = np.array([odometry.speed(reading(speed, yaw=0.7, sideways=0.02)) for speed in true])
+    assert np.all(np.isnan(speeds[:10]))
+    late, is_measured = true[: len(speeds) - 10], np.isfinite(speeds[10:])
+    assert np.mean(is_measured) == pytest.approx(0.5 * 0.8, abs=0.03)
+    error = speeds[10:][is_measured] - 1.1 * late[is_measured]
     assert np.std(error) == pytest.approx(0.004, rel=0.1)
     assert abs(np.mean(error)) < 5e-4
     odometry.reset()
     again = [odometry.speed(reading(speed, yaw=0.7, sideways=0.02)) for speed in true[:50]]
-    assert np.array_equal(again, told[:50], equal_nan=True)
+    assert np.array_equal(again, speeds[:50], equal_nan=True)
 
 
 def test_a_tracker_is_late_and_errs_alike_for_all_wheels():
     tracked = TrackedSlip(RADII, Tracker(sd=0.0, delay=0.1), PERIOD, 1)
-    told = [tracked.slip(reading(speed))[0] for speed in (0.054, 0.027, 0.0, 0.0)]
-    assert told == pytest.approx([0.0, 0.0, 0.0, 0.5])
+    slip_readings = [tracked.slip(reading(speed))[0] for speed in (0.054, 0.027, 0.0, 0.0)]
+    assert slip_readings == pytest.approx([0.0, 0.0, 0.0, 0.5])
     noisy = TrackedSlip(RADII, Tracker(sd=0.004, delay=0.0), PERIOD, 1)
     slips = np.array([noisy.slip(reading(0.027)) for _ in range(2000)])
     assert np.std(slips[:, 0]) == pytest.approx(0.004 / 0.054, rel=0.1)

@@ -85,15 +85,15 @@ def test_a_wall_is_no_slip():
 
 
 def test_sensed_readings_repeat_and_leave_the_truth():
-    seen = []
+    readings = []
     scene = scenario("flat", soil="table-1")
     for _ in range(2):
-        seen.append([])
-        watch = NoisyController(lambda reading: seen[-1].append(reading) or 0.5, Sensors(), 7)
+        readings.append([])
+        watch = NoisyController(lambda reading: readings[-1].append(reading) or 0.5, Sensors(), 7)
         simulate(scene.model, watch, 0.5, scene.start)
-    assert all(np.array_equal(a.current, b.current) for a, b in zip(*seen, strict=True))
-    assert np.std([reading.wheel_rate[0] - reading.wheel_rate[1] for reading in seen[0]]) > 0.005
-    assert np.ptp([reading.truth.slip[0] - reading.truth.slip[1] for reading in seen[0]]) < 1e-6
+    assert all(np.array_equal(a.current, b.current) for a, b in zip(*readings, strict=True))
+    assert np.std([reading.wheel_rate[0] - reading.wheel_rate[1] for reading in readings[0]]) > 0.005
+    assert np.ptp([reading.truth.slip[0] - reading.truth.slip[1] for reading in readings[0]]) < 1e-6
 
 
 def stuck_ditch():

@@ -22,14 +22,14 @@ DRIVES = {"ditch": (14.0, WALL), "hills": (6.0, {"soil.k": 0.01}), "slope": (5.0
 def readings_of(name):
     """The readings of a drive by noisy sensors, and its model."""
     duration, settings = DRIVES[name]
-    scene, kept, inner = scenario(name, soil="table-1", duration=duration, **settings), [], ConstantDuty()
+    scene, stored, inner = scenario(name, soil="table-1", duration=duration, **settings), [], ConstantDuty()
 
     def keep(reading):
-        kept.append(reading)
+        stored.append(reading)
         return inner(reading)
 
     simulate(scene.model, NoisyController(keep, Sensors(), 1), duration, scene.start)
-    return scene.model, kept
+    return scene.model, stored
 
 
 def plain_of(estimate):
@@ -95,8 +95,8 @@ def test_a_rover_that_rolls_on_bent_ground_and_does_not_move_stands():
     still = readings[40].replace(suspension=np.array([0.15, -0.1, 0.12, -0.08])[: len(readings[40].suspension)])
     estimate = OnboardSlip.of(model)
     for rate, stands in ((0.1, False), (0.2, True)):
-        held = [still.replace(wheel_rate=np.full(6, rate), t=0.05 * k) for k in range(90)]
-        compare(estimate, held)
+        readings_at_rest = [still.replace(wheel_rate=np.full(6, rate), t=0.05 * k) for k in range(90)]
+        compare(estimate, readings_at_rest)
         assert bool(estimate.belief.struct.no_progress) is stands, rate * 4.0
 
 

@@ -60,11 +60,11 @@ def drive(seed=0, duration=60.0, yaw=0.0, noise=1.0, constant=None, hill=0.12):
     return channels
 
 
-def log_of(*runs, **about):
-    about = {"motor": MOTOR, "soil": SOIL, **about}
-    wheels = list(about.get("wheels", WHEELS))
+def log_of(*runs, **changes):
+    changes = {"motor": MOTOR, "soil": SOIL, **changes}
+    wheels = list(changes.get("wheels", WHEELS))
     traces = tuple(Trace(run, {}, {"file": f"run-{i}.csv", "wheels": wheels}) for i, run in enumerate(runs, 1))
-    return DriveLog(Path("field"), LogMetadata("field", **about), traces)
+    return DriveLog(Path("field"), LogMetadata("field", **changes), traces)
 
 
 GOOD = [drive(0), drive(1, yaw=math.pi), drive(0)]

@@ -57,10 +57,12 @@ def write(folder, hidden=(), runs=4, duration=10.0, seed=0, rover="nexus6", extr
         channels = {**log.channels, **(extra(driven) if extra else {})}
         traces[f"run-{run}"] = dataclasses.replace(log, channels=channels, attrs={"start": dataclasses.asdict(start)})
     terrain = write_terrain(folder, model.terrain)
-    known = {name: as_table(DRIVEN_SAND)[name] for name in ("phi", "k", "k_1")}
+    declared_soil = {name: as_table(DRIVEN_SAND)[name] for name in ("phi", "k", "k_1")}
     wheels = tuple(wheel.name for wheel in model.rover.wheels)
-    about = LogMetadata("small", rover=rover, wheels=wheels, terrain=terrain, soil=known, motor=as_table(model.motor))
-    return write_drive_log(folder, traces, about)
+    metadata = LogMetadata(
+        "small", rover=rover, wheels=wheels, terrain=terrain, soil=declared_soil, motor=as_table(model.motor)
+    )
+    return write_drive_log(folder, traces, metadata)
 
 
 def calibrated_on(log, model, memory=Memory()):

@@ -62,10 +62,10 @@ class LinearExperiment(Experiment):
         """Return replays that stray 10 mm from the log, and 1 mm less for each effect that was added."""
         off = 0.01 - 0.001 * (len(model.all_effects) - len(MODEL.all_effects))
         channels = [{"body_x": run.commands.place[:, 0] + off, "body_y": 0.0 * run.commands.t} for run in self.runs]
-        return tuple(SimpleNamespace(model=model, channels=each) for each in channels)
+        return tuple(SimpleNamespace(model=model, channels=channel) for channel in channels)
 
     def read(self, replays, sensors):
-        return self._features(owners(replays[0].model) | {owner_name(one): one for one in sensors})
+        return self._features(owners(replays[0].model) | {owner_name(sensor): sensor for sensor in sensors})
 
     def _features(self, records):
         total = np.zeros(self.observed.shape)
@@ -88,15 +88,17 @@ MODEL = on_flat().having(WeakMotor(g=0.0, wheel=0))
 
 def runs_of(shape):
     """Runs as far as reports and descriptions look at them: times, duty and place."""
-    made = []
+    runs_made = []
     for run in range(shape[0]):
         t = PERIOD * np.arange(ROWS_A_BLOCK * shape[2])
         duty = np.tile(np.random.default_rng(run).uniform(0.2, 0.9, shape[2]).repeat(ROWS_A_BLOCK)[:, None], (1, 6))
         place = np.column_stack([0.03 * t, 0.0 * t, 0.0 * t])
         commands = SimpleNamespace(t=t, duty=duty, place=place, period=PERIOD, terrain=None)
         times = t.reshape(-1, ROWS_A_BLOCK).mean(axis=1)
-        made.append(SimpleNamespace(name=f"run-{run}", commands=commands, times=times, measured={}, channels=CHANNELS))
-    return tuple(made)
+        runs_made.append(
+            SimpleNamespace(name=f"run-{run}", commands=commands, times=times, measured={}, channels=CHANNELS)
+        )
+    return tuple(runs_made)
 
 
 def white(shape=SHAPE, sd=1.0):
@@ -111,14 +113,14 @@ def nuisances(model=MODEL):
 
 def slopes(random, names, shape=SHAPE, size=1.0):
     """Random slopes that move the features by about `size` SDs for one u of the parameters."""
-    return {one.name: (one.origin, size * random.normal(size=shape) / one.scale) for one in names}
+    return {name.name: (name.origin, size * random.normal(size=shape) / name.scale) for name in names}
 
 
-def fitted(seen, columns, free=None, model=MODEL, noise=None) -> Fit:
+def fitted(truth, columns, free=None, model=MODEL, noise=None) -> Fit:
     """The package's own fit of the free numbers to what was seen, on the linear experiment."""
     free = nuisances() if free is None else free
-    experiment = LinearExperiment(seen, columns, runs_of(seen.shape))
-    return fit(Task(experiment, noise or white(seen.shape)), model, free)
+    experiment = LinearExperiment(truth, columns, runs_of(truth.shape))
+    return fit(Task(experiment, noise or white(truth.shape)), model, free)
 
 
 # --- the closed form -------------------------------------------------------------------------------------------------
@@ -135,27 +137,27 @@ class Gaussian:
 
     def solved(self, keep=slice(None)):
         """Return u of least squares on some rows, and chi2 with the priors."""
-        known = np.isfinite(self.sd)
-        rows = np.diag(1 / self.sd)[known]
+        is_finite = np.isfinite(self.sd)
+        rows = np.diag(1 / self.sd)[is_finite]
         matrix = np.vstack([self.X[keep], rows])
-        right = np.concatenate([self.y[keep], self.mean[known] / self.sd[known]])
+        right = np.concatenate([self.y[keep], self.mean[is_finite] / self.sd[is_finite]])
         u = np.linalg.solve(matrix.T @ matrix, matrix.T @ right)
-        rest = right - matrix @ u
-        return u, float(rest @ rest)
+        residual = right - matrix @ u
+        return u, float(residual @ residual)
 
     @property
     def covariance(self):
-        known = np.isfinite(self.sd)
-        rows = np.diag(1 / self.sd)[known]
+        is_finite = np.isfinite(self.sd)
+        rows = np.diag(1 / self.sd)[is_finite]
         return np.linalg.inv(self.X.T @ self.X + rows.T @ rows)
 
     def left_out(self, owner):
         """Return the sum of squares of every group of rows, as least squares on the others predict it."""
         losses = []
-        for one in np.unique(owner):
-            u, _ = self.solved(owner != one)
-            rest = self.y[owner == one] - self.X[owner == one] @ u
-            losses.append(float(rest @ rest))
+        for run in np.unique(owner):
+            u, _ = self.solved(owner != run)
+            residual = self.y[owner == run] - self.X[owner == run] @ u
+            losses.append(float(residual @ residual))
         return np.array(losses)
 
 
@@ -163,12 +165,13 @@ def gaussian(fitted_):
     """The closed form of a linear fit: X from the experiment's own slopes."""
     experiment = fitted_.task.experiment
     columns, sd = [], []
-    for one in fitted_.parameters:
-        assert not one.log
-        columns.append((one.scale * experiment.slopes[one.name][1]).ravel())
-        sd.append(1.0 if one.prior else np.inf)
+    for number in fitted_.parameters:
+        assert not number.log
+        columns.append((number.scale * experiment.slopes[number.name][1]).ravel())
+        sd.append(1.0 if number.prior else np.inf)
     zero = sum(
-        (one.origin - experiment.slopes[one.name][0]) * experiment.slopes[one.name][1] for one in fitted_.parameters
+        (number.origin - experiment.slopes[number.name][0]) * experiment.slopes[number.name][1]
+        for number in fitted_.parameters
     )
     return Gaussian(np.array(columns).T, (experiment.observed - zero).ravel(), np.zeros(len(sd)), np.array(sd))
 

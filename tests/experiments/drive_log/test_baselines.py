@@ -30,8 +30,11 @@ def logged(run):
 
 
 def errors(*runs):
-    made = tuple(map(logged, runs))
-    return {one.channel: one for one in odometry_baselines(DriveExperiment(made, (None,) * len(made)), ROVER)}
+    logged_runs_of = tuple(map(logged, runs))
+    return {
+        baseline.channel: baseline
+        for baseline in odometry_baselines(DriveExperiment(logged_runs_of, (None,) * len(logged_runs_of)), ROVER)
+    }
 
 
 def farther(run, times):
@@ -40,13 +43,13 @@ def farther(run, times):
 
 
 def test_uniform_slip_is_met_and_differing_slip_is_missed():
-    one, other = (drive_channels.drive(seed, noise=0.0, hill=0.0) for seed in (0, 1))
-    alike = errors(one, other)
-    seen = logged(one)
-    driven = np.sqrt(np.nanmean(seen.observed[seen.channels.index("path")] ** 2))
-    assert alike["path"].error < 0.01 * driven  # half a row's way: the rover's own steps are longer than the rows
-    assert alike["drift"].error < 1e-12
-    slower = errors(one, farther(other, 0.8))
+    first, second = (drive_channels.drive(seed, noise=0.0, hill=0.0) for seed in (0, 1))
+    error_table = errors(first, second)
+    logged_first = logged(first)
+    driven = np.sqrt(np.nanmean(logged_first.observed[logged_first.channels.index("path")] ** 2))
+    assert error_table["path"].error < 0.01 * driven  # half a row's way: the rover's own steps are longer than the rows
+    assert error_table["drift"].error < 1e-12
+    slower = errors(first, farther(second, 0.8))
     assert slower["path"].error > 0.15 * driven
 
 
@@ -67,24 +70,26 @@ def skidding(side, course):
 @pytest.mark.parametrize("course", [False, True])
 def test_slip_track_and_point_are_fitted_to_the_other_runs(course):
     runs = tuple(skidding(side, course) for side in (1, -1, 1))
-    found = {one.channel: one for one in odometry_baselines(DriveExperiment(runs, (None,) * 3), CART)}
-    assert set(found) == {"path", "heading", *([] if course else ["drift"])}
-    for name, one in found.items():
+    baselines = {
+        baseline.channel: baseline for baseline in odometry_baselines(DriveExperiment(runs, (None,) * 3), CART)
+    }
+    assert set(baselines) == {"path", "heading", *([] if course else ["drift"])}
+    for name, baseline in baselines.items():
         driven = np.sqrt(np.nanmean(np.concatenate([run.observed[run.channels.index(name)] for run in runs]) ** 2))
-        assert one.error < 0.03 * driven, name
-        assert len(one.by_fold) == 3
-        assert one.error == pytest.approx(np.sqrt(np.mean(np.square(one.by_fold))), rel=0.1)
+        assert baseline.error < 0.03 * driven, name
+        assert len(baseline.by_fold) == 3
+        assert baseline.error == pytest.approx(np.sqrt(np.mean(np.square(baseline.by_fold))), rel=0.1)
 
 
 @pytest.mark.parametrize("course", [False, True])
 def test_later_runs_are_predicted_by_what_was_fitted_before(course):
     before, later = (DriveExperiment(tuple(skidding(side, course) for side in sides), (None,) * len(sides))
                      for sides in ((1, -1), (-1, 1, 1)))  # fmt: skip
-    for one in odometry_baselines(before, CART, later):
-        driven = later.observed[:, later.channels.index(one.channel)]
-        assert one.error < 0.03 * np.sqrt(np.nanmean(driven**2)), one.channel
-        assert len(one.by_fold) == 3
-        assert np.isfinite(one.by_fold).all()
+    for baseline in odometry_baselines(before, CART, later):
+        driven = later.observed[:, later.channels.index(baseline.channel)]
+        assert baseline.error < 0.03 * np.sqrt(np.nanmean(driven**2)), baseline.channel
+        assert len(baseline.by_fold) == 3
+        assert np.isfinite(baseline.by_fold).all()
 
 
 def verdict():
@@ -110,9 +115,9 @@ def test_odometry_that_is_better_by_the_same_rates_is_said_first(rate_driven, ti
     assert (beside.answer is Answer.INADEQUATE) is first
     assert (beside.as_dict()["rival"] != "") is first
     assert beside.as_dict()["baselines"][0]["error"] == pytest.approx(times * 0.02)
-    for said in (beside.summary().split("No effect")[0], headline(beside, labels_of(beside))):
-        assert ("8 mm against 20 mm" in said) is first
-    assert any("8 mm against 20 mm" in each for each in beside.cautions) is (times < 1.0)
+    for sentence in (beside.summary().split("No effect")[0], headline(beside, labels_of(beside))):
+        assert ("8 mm against 20 mm" in sentence) is first
+    assert any("8 mm against 20 mm" in caution for caution in beside.cautions) is (times < 1.0)
 
 
 def test_without_the_rates_of_a_side_there_is_no_odometry():

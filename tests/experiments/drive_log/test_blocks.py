@@ -38,8 +38,8 @@ def driven(model):
 
 
 def as_logged(trace):
-    shown = {name: row for name, row in trace.channels.items() if name.startswith(LOGGED)}
-    return Trace(shown, attrs={"start": {"x": -0.2, "y": 0.0, "yaw": 0.0}})
+    channels = {name: row for name, row in trace.channels.items() if name.startswith(LOGGED)}
+    return Trace(channels, attrs={"start": {"x": -0.2, "y": 0.0, "yaw": 0.0}})
 
 
 def test_a_replay_of_the_true_model_drives_as_the_log(model, driven):
@@ -59,11 +59,14 @@ def test_a_replay_of_the_true_model_drives_as_the_log(model, driven):
 def test_a_replay_stays_where_the_log_was_and_tells_its_own_way(model, driven):
     weak = model.having(SupplySag(R_b=8.0))
     run = commands(as_logged(driven), WHEELS, STEERED)
-    held, free = replay(weak, run).channels, replay(weak, dataclasses.replace(run, place=run.place * np.nan)).channels
-    own, lost = driven["body_x"][-1] - held["body_x"][-1], driven["body_x"][-1] - free["body_x"][-1]
+    channels, free = (
+        replay(weak, run).channels,
+        replay(weak, dataclasses.replace(run, place=run.place * np.nan)).channels,
+    )
+    offset_held, lost = driven["body_x"][-1] - channels["body_x"][-1], driven["body_x"][-1] - free["body_x"][-1]
     assert lost > 0.008
-    assert own == pytest.approx(lost, rel=0.25)  # its own way is as short, though it was drawn along
-    assert held["body_z"][-1] == pytest.approx(driven["body_z"][-1], abs=3e-4)  # and it stood on the same ground
+    assert offset_held == pytest.approx(lost, rel=0.25)  # its own way is as short, though it was drawn along
+    assert channels["body_z"][-1] == pytest.approx(driven["body_z"][-1], abs=3e-4)  # and it stood on the same ground
 
 
 def test_a_body_that_cannot_be_is_turned_down_not_crashed_on(model, driven):
@@ -72,16 +75,18 @@ def test_a_body_that_cannot_be_is_turned_down_not_crashed_on(model, driven):
     impossible, right = experiment.predict([model.having(PointMass(m=-2.0)), model])
     path = experiment.channels.index("path")
     assert np.isfinite(impossible).all()
-    far, near = (np.nanmedian(np.abs(experiment.observed - one)[0, path]) for one in (impossible, right))
-    assert far > 10 * near
+    distant, close = (
+        np.nanmedian(np.abs(experiment.observed - prediction)[0, path]) for prediction in (impossible, right)
+    )
+    assert distant > 10 * close
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "message"),
     [("sol.phi", "no 'sol' to fit"), ("soil.fi", "'soil' has no number 'fi'"), ("Sag.R", "no 'Sag' to fit")],
 )
-def test_an_unknown_number_is_refused(model, name, said):
-    with pytest.raises(ParameterError, match=said):
+def test_an_unknown_number_is_refused(model, name, message):
+    with pytest.raises(ParameterError, match=message):
         ANY.value(model, name)
 
 
@@ -90,7 +95,7 @@ def test_model_is_replayed_once_and_another_model_or_ground_anew(monkeypatch):
     driven = simulate(case.model, case.controller, 2.0, Start(-0.2))
     log = Trace(dict(driven.channels), attrs={"start": {"x": -0.2, "y": 0.0, "yaw": 0.0}})
     counted, real = [], experiments.replay
-    monkeypatch.setattr(experiments, "replay", lambda *given: counted.append(1) or real(*given))
+    monkeypatch.setattr(experiments, "replay", lambda *value: counted.append(1) or real(*value))
     experiment = experiment_of([logged_run(log, case.model.rover)], case.model)
     first = experiment.predict([case.model])
     heavier = case.model.having(PointMass(m=0.5))

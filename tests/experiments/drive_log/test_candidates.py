@@ -41,14 +41,17 @@ def model(name):
     return Model(load_rover(name), flat(), (Soil(),), Motor())
 
 
-def tried(name, own=None):
-    return {each.kind: each for each in candidates(model(name), BENCH, (), known_effects(own))}
+def tried(name, effects_file=None):
+    return {candidate.kind: candidate for candidate in candidates(model(name), BENCH, (), known_effects(effects_file))}
 
 
 def test_every_candidate_can_be_added_to_the_rover():
     for name in ("nexus6", "cart"):
-        made = model(name)
-        assert all(each.effect in each.on(made).all_effects for each in candidates(made, BENCH, (), known_effects()))
+        rover_model = model(name)
+        assert all(
+            candidate.effect in candidate.on(rover_model).all_effects
+            for candidate in candidates(rover_model, BENCH, (), known_effects())
+        )
 
 
 def driven(along, terrain=None):
@@ -61,7 +64,9 @@ def driven(along, terrain=None):
 def test_a_bent_ground_has_knots_along_all_that_wheels_passed():
     way = [0.3, -0.4, np.nan, 1.6]
     (bent,) = (
-        each for each in candidates(model("nexus6"), driven(way), (), known_effects()) if each.kind == "BentGround"
+        candidate
+        for candidate in candidates(model("nexus6"), driven(way), (), known_effects())
+        if candidate.kind == "BentGround"
     )
     begin, length = float(bent.effect.x_from), float(bent.effect.length)
     ahead = np.ptp([place[0] for place in wheel_places(load_rover()).values()]) / 2
@@ -69,7 +74,9 @@ def test_a_bent_ground_has_knots_along_all_that_wheels_passed():
     assert (bent.name, len(bent.amplitudes), bent.shapes) == ("BentGround", 5, ())
     assert not neighbours(bent, 0.1), "its place is not sought"
     for bench in (driven([0.0, 0.1]), driven(way, flat())):
-        assert "BentGround" not in {each.kind for each in candidates(model("nexus6"), bench, (), known_effects())}
+        assert "BentGround" not in {
+            candidate.kind for candidate in candidates(model("nexus6"), bench, (), known_effects())
+        }
 
 
 def test_a_bent_ground_reaches_as_far_as_the_farthest_wheel(monkeypatch):
@@ -77,9 +84,9 @@ def test_a_bent_ground_reaches_as_far_as_the_farthest_wheel(monkeypatch):
     xs = np.array([0.5, -0.1])
     monkeypatch.setattr(proposals, "corners", lambda rover: np.stack([np.array([[x, 0.2], [x, -0.2]]) for x in xs]))
     (bent,) = (
-        each
-        for each in candidates(model("nexus6"), driven([0.0, 1.0]), (), known_effects())
-        if each.kind == "BentGround"
+        candidate
+        for candidate in candidates(model("nexus6"), driven([0.0, 1.0]), (), known_effects())
+        if candidate.kind == "BentGround"
     )
     assert bent.effect.x_from + bent.effect.length / 6 == pytest.approx(-0.5)
 
@@ -141,12 +148,12 @@ def log_of(*runs, motor=()):
 # --- what a model may lack -------------------------------------------------------------------------------------------
 
 
-def experiment(*ways, channels=(), held=False):
+def experiment(*ways, channels=(), is_held=False):
     """Runs along these x [m]."""
     ways = ways or (np.array([0.0, 0.0]),)
     places = [np.column_stack([way, np.zeros((len(way), 2))]) for way in ways]
-    runs = [SimpleNamespace(commands=SimpleNamespace(place=each, terrain=None)) for each in places]
-    return SimpleNamespace(channels=channels, rate_driven=held, runs=runs)
+    runs = [SimpleNamespace(commands=SimpleNamespace(place=place, terrain=None)) for place in places]
+    return SimpleNamespace(channels=channels, rate_driven=is_held, runs=runs)
 
 
 def test_numbers_with_priors_are_candidates_except_soil_motor():
@@ -154,9 +161,12 @@ def test_numbers_with_priors_are_candidates_except_soil_motor():
     model = with_raw_currents(log, MODEL).having(TachoScale(e=0.0, wheel="fl")).having(WeakMotor(g=0.0, wheel=1))
     free = [parameter(model, name, 0.01) for name in ("soil.phi", "motor.gear", "TachoScale[fl].e", "WeakMotor[1].g")]
     free += [replace(parameter(model, "TachoScale[fl].e", 0.01), prior=False), *raw_current_numbers(log, model)]
-    found = candidates(model, experiment(), free, known_effects())
-    assert [each.amplitudes for each in found if each.released] == [("TachoScale[fl].e",), ("WeakMotor[1].g",)]
-    names = [each.name for each in found if not each.released]
+    candidate_list = candidates(model, experiment(), free, known_effects())
+    assert [candidate.amplitudes for candidate in candidate_list if candidate.released] == [
+        ("TachoScale[fl].e",),
+        ("WeakMotor[1].g",),
+    ]
+    names = [candidate.name for candidate in candidate_list if not candidate.released]
     assert "TachoScale[fl]" not in names
     assert "TachoScale[fr]" in names
     assert "WeakMotor[1]" not in names
@@ -166,15 +176,17 @@ def test_numbers_with_priors_are_candidates_except_soil_motor():
 @pytest.mark.parametrize(("e", "declared", "freed"), [(0.0, False, True), (0.2, False, False), (0.2, True, True)])
 def test_what_is_assumed_to_be_something_is_not_missing(e, declared, freed):
     model = MODEL.having(TachoScale(e=e, wheel="fl"))
-    known = replace(parameter(model, "TachoScale[fl].e", 0.01), declared=declared)
-    assert any(each.released for each in candidates(model, experiment(), [known], known_effects())) is freed
+    is_known = replace(parameter(model, "TachoScale[fl].e", 0.01), declared=declared)
+    assert (
+        any(candidate.released for candidate in candidates(model, experiment(), [is_known], known_effects())) is freed
+    )
 
 
 def test_on_a_long_way_only_what_two_runs_have_passed_is_tried():
     """From 9 m on 60 places do not reach; a run that passes twice is one run."""
     once, again = np.r_[np.arange(0.0, 9.0, 0.01), np.arange(9.0, 0.0, -0.01)], np.array([5.0, 5.1, np.nan, 5.4])
-    found = _places(experiment(once, again), 0.4)
-    assert found == pytest.approx([-0.1 + 0.15 * at - 0.1 for at in (34, 36)])
+    places = _places(experiment(once, again), 0.4)
+    assert places == pytest.approx([-0.1 + 0.15 * at - 0.1 for at in (34, 36)])
     assert _places(experiment(once), 0.4) == []
     both = _places(experiment(once, once), 0.0)
     assert both == pytest.approx(-0.1 + 0.15 * np.arange(0, 61, 2)), "61 are too many: every other"

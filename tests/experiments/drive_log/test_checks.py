@@ -20,15 +20,17 @@ held, log_of, starting = channels.held, channels.log_of, channels.starting
 def test_a_good_log_has_no_fault_and_lacks_nothing():
     log = log_of(*GOOD)
     refuse_unfit(log)
-    assert [str(each) for each in findings(log)] == []
+    assert [str(finding) for finding in findings(log)] == []
     assert too_poor(log) == ""
 
 
 def test_a_run_that_stands_for_its_whole_length_is_told():
     still = {name: np.zeros_like(row) if name.startswith(MOVING) else row for name, row in GOOD[1].items()}
     still |= {name: np.full_like(row, row[0]) for name, row in GOOD[1].items() if name.startswith("body_")}
-    said = [str(each) for each in findings(log_of(GOOD[0], still, *GOOD[2:])) if "nothing of this run" in each.what]
-    assert said == [
+    finding_texts = [
+        str(finding) for finding in findings(log_of(GOOD[0], still, *GOOD[2:])) if "nothing of this run" in finding.what
+    ]
+    assert finding_texts == [
         "run-2.csv: the rover stands or turns on the spot, so nothing of this run is compared, and holding it out "
         "of a fit tests nothing; remove the run from drive.toml, or drive ahead or back for 5 s or more in it."
     ]
@@ -36,9 +38,11 @@ def test_a_run_that_stands_for_its_whole_length_is_told():
 
 def test_a_run_whose_begin_is_not_tracked_needs_a_declared_start():
     log = changed(body_x=gap(GOOD[0]["body_x"], 0, 100))
-    told = dataclasses.replace(log.runs[0], attrs={**log.runs[0].attrs, "start": {"x": 0.1, "y": 0.0, "yaw": 0.0}})
-    assert commands(told, WHEELS, ()).start.x == 0.1
-    nowhere = dataclasses.replace(told, attrs={"file": "run-1.csv"})
+    with_start = dataclasses.replace(
+        log.runs[0], attrs={**log.runs[0].attrs, "start": {"x": 0.1, "y": 0.0, "yaw": 0.0}}
+    )
+    assert commands(with_start, WHEELS, ()).start.x == 0.1
+    nowhere = dataclasses.replace(with_start, attrs={"file": "run-1.csv"})
     with pytest.raises(DataError, match=r"run-1.csv.*0\.25 s.*start"):
         commands(nowhere, WHEELS, ())
 
@@ -151,14 +155,14 @@ def test_what_cannot_be_used_is_refused_in_one_sentence(log, says):
 )
 def test_what_can_be_used_with_care_is_one_finding(log, says):
     refuse_unfit(log)
-    found = [str(each) for each in findings(log)]
-    assert any(says in each for each in found), found
-    assert all(each.endswith(".") and "\n" not in each for each in found)
+    finding_texts = [str(finding) for finding in findings(log)]
+    assert any(says in finding_text for finding_text in finding_texts), finding_texts
+    assert all(finding_text.endswith(".") and "\n" not in finding_text for finding_text in finding_texts)
 
 
 def test_a_tracker_that_lags_travels_against_the_wheels():
     log = changed(body_x=np.interp(T - 6.0, T, X), body_y=GOOD[0]["body_y"], body_z=None, body_pitch=None)
-    assert any("travels against its wheels" in str(each) for each in findings(log))
+    assert any("travels against its wheels" in str(finding) for finding in findings(log))
 
 
 def without(run, *starts):
@@ -167,9 +171,9 @@ def without(run, *starts):
 
 def test_current_missing_in_one_run_is_named_and_others_are_kept():
     wheel = next(name for name in GOOD[0] if name.startswith("current_"))
-    said = [each.what for each in findings(log_of(without(GOOD[0], wheel), *GOOD[1:]))]
-    assert any(line.startswith(f"{wheel} of ") and " is not recorded, so friction" in line for line in said)
-    assert not any("motor currents are not recorded" in line for line in said)
+    notes = [finding.what for finding in findings(log_of(without(GOOD[0], wheel), *GOOD[1:]))]
+    assert any(line.startswith(f"{wheel} of ") and " is not recorded, so friction" in line for line in notes)
+    assert not any("motor currents are not recorded" in line for line in notes)
 
 
 FLAT = {"constant": 0.55, "hill": 0.0}
@@ -193,9 +197,9 @@ FLAT = {"constant": 0.55, "hill": 0.0}
     ],
 )
 def test_missing_excitation_names_confusion_and_remedy(runs, says):
-    found = [each for each in findings(log_of(*runs)) if says in each.what]
-    assert len(found) == 1
-    assert found[0].todo.startswith(("add", "repeat", "record"))
+    matching = [finding for finding in findings(log_of(*runs)) if says in finding.what]
+    assert len(matching) == 1
+    assert matching[0].todo.startswith(("add", "repeat", "record"))
 
 
 @pytest.mark.parametrize(
@@ -219,17 +223,20 @@ def test_a_simulated_log_passes(name):
     trace = measure(ready.drive(), Sensors(), 1)
     log = log_of(*({name: trace[name] for name in trace.channels} for _ in range(2)), motor={})
     assert faults(log) == ()
-    told = [each.what for each in findings(log)]
+    notes = [note.what for note in findings(log)]
     assert not any(
-        word in each for each in told for word in ("jumps", "stays", "late", "against", "missing", "travels faster")
+        word in note for note in notes for word in ("jumps", "stays", "late", "against", "missing", "travels faster")
     )
 
 
 def test_a_drive_beyond_the_declared_ground_is_told(tmp_path):
     (tmp_path / "ground.csv").write_text("x_m,z_m\n-10,0\n0.5,0\n")
     log = dataclasses.replace(log_of(*GOOD, terrain={"polyline": "ground.csv"}), folder=tmp_path)
-    said = [str(found) for found in findings(log)]
-    assert any("m beyond the declared ground, which spans -10 to 0.5 m; the ground there is guessed" in s for s in said)
+    finding_texts = [str(finding) for finding in findings(log)]
+    assert any(
+        "m beyond the declared ground, which spans -10 to 0.5 m; the ground there is guessed" in s
+        for s in finding_texts
+    )
 
 
 @pytest.mark.parametrize("sd", ["2 deg", -1.0, 0.0, float("nan"), True])

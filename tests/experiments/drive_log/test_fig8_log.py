@@ -72,9 +72,9 @@ TRUE = {
 def test_intervals_that_hold_the_truth_are_those_the_docs_state():
     """Slip grows faster than grip falls: an even ground is fitted weaker than the mean of the uneven one."""
     after = kept()["after"]
-    held = {name for name, true in TRUE.items() if after[name]["low"] < true < after[name]["high"]}
-    assert held == {"soil.k", "DiggingMemory.deepest"}
-    off = {name: abs(after[name]["value"] / TRUE[name] - 1.0) for name in TRUE.keys() - held}
+    covered = {name for name, true in TRUE.items() if after[name]["low"] < true < after[name]["high"]}
+    assert covered == {"soil.k", "DiggingMemory.deepest"}
+    off = {name: abs(after[name]["value"] / TRUE[name] - 1.0) for name in TRUE.keys() - covered}
     digging = {"DiggingMemory.c_d": 0.193, "DiggingMemory.length": 0.212}
     assert off == pytest.approx({**digging, "soil.phi": 0.045, "MotionResistance.R": 0.025}, abs=0.005)
 
@@ -84,9 +84,11 @@ def test_the_loop_finds_the_digging():
     verdict, before = close_the_loop(DATA, jobs=2).as_dict(), kept()
     assert verdict["answer"] == Answer.NAMED.value
     assert verdict["named"] == before["named"] == ["DiggingMemory"]
-    for name, said in before["after"].items():
-        assert verdict["after"][name]["value"] == pytest.approx(said["value"], abs=0.3 * (said["high"] - said["low"]))
-    now, then = (np.mean([run["after"] for run in each["extra"]["free_runs"]]) for each in (verdict, before))
+    for name, number in before["after"].items():
+        assert verdict["after"][name]["value"] == pytest.approx(
+            number["value"], abs=0.3 * (number["high"] - number["low"])
+        )
+    now, then = (np.mean([run["after"] for run in document["extra"]["free_runs"]]) for document in (verdict, before))
     assert now == pytest.approx(then, rel=0.3)
 
 
@@ -102,7 +104,7 @@ def test_the_shipped_files_are_what_the_simulator_drives(log):
                 continue
             sd, step = next((kind[1:] for kind in KINDS if channel.startswith(kind[0])), (1e-9, 0.0))
             gain = gains["tacho"][WHEELS.index(channel[-2:])] if channel.startswith("wheel_rate_") else 1.0
-            made = gain * values[at][fig8.EVERY - 1 :: fig8.EVERY]
-            miss = shipped[channel][: len(made)] - made
+            expected = gain * values[at][fig8.EVERY - 1 :: fig8.EVERY]
+            miss = shipped[channel][: len(expected)] - expected
             turns = 2.0 * np.pi * np.round(miss / (2.0 * np.pi)) if channel == "body_yaw" else 0.0
             assert np.max(np.abs(miss - turns)) < 5.0 * sd + step + 1e-4, (name, channel)

@@ -27,14 +27,16 @@ def shown(columns, sizes):
 
 
 @pytest.fixture(scope="module")
-def made():
+def hidden_exit():
     """A base whose numbers are fitted, an exit angle hidden in the log, and its law."""
     random = np.random.default_rng(7)
     free = linear.nuisances()
     columns = linear.slopes(random, free)
     columns["ExitAngle.e_1"] = (0.0, random.normal(size=linear.SHAPE) / ExitAngle().e_1)
-    seen = shown(columns, {"soil.phi": free[0].value(0.8), "ExitAngle.e_1": 0.18}) + random.normal(size=linear.SHAPE)
-    return linear.fitted(seen, columns), columns
+    observed = shown(columns, {"soil.phi": free[0].value(0.8), "ExitAngle.e_1": 0.18}) + random.normal(
+        size=linear.SHAPE
+    )
+    return linear.fitted(observed, columns), columns
 
 
 def test_numbers_at_bounds_are_held_there_and_others_refitted():
@@ -43,16 +45,16 @@ def test_numbers_at_bounds_are_held_there_and_others_refitted():
     free = linear.nuisances()
     signs = random.choice([-1.0, 1.0], (2, *linear.SHAPE))
     slopes = (signs[0] / free[0].scale, (0.3 * signs[0] + 0.7 * signs[1]) / free[1].scale)
-    columns = {one.name: (one.origin, slope) for one, slope in zip(free, slopes, strict=True)}
+    columns = {parameter.name: (parameter.origin, slope) for parameter, slope in zip(free, slopes, strict=True)}
     for value, prior in ((0.62, True), (0.42, True), (0.62, False)):
         narrow = dataclasses.replace(free[0], low=0.47, high=0.58, prior=prior)
-        seen = shown(columns, {"soil.phi": value}) + 0.3 * random.normal(size=linear.SHAPE)
-        fitted = linear.fitted(seen, columns, (narrow, free[1]))
+        observed = shown(columns, {"soil.phi": value}) + 0.3 * random.normal(size=linear.SHAPE)
+        fitted = linear.fitted(observed, columns, (narrow, free[1]))
         exact = linear.gaussian(fitted)
-        known = np.isfinite(exact.sd)
-        matrix = np.vstack([exact.X, np.eye(2)[known]])
-        right = np.concatenate([exact.y, np.zeros(known.sum())])
-        low, high = np.array([one.bounds for one in fitted.parameters]).T
+        is_finite = np.isfinite(exact.sd)
+        matrix = np.vstack([exact.X, np.eye(2)[is_finite]])
+        right = np.concatenate([exact.y, np.zeros(is_finite.sum())])
+        low, high = np.array([parameter.bounds for parameter in fitted.parameters]).T
         np.testing.assert_allclose(fitted.u, lsq_linear(matrix, right, (low, high)).x, atol=1e-6)
         assert fitted.u[0] in (pytest.approx(low[0]), pytest.approx(high[0]))
 
@@ -60,9 +62,9 @@ def test_numbers_at_bounds_are_held_there_and_others_refitted():
 def of_runs(fitted):
     """The SD of one number that all rows tell alike, by how runs scatter: the sandwich, as Student's t has it."""
     runs = fitted.residual.sum(axis=(1, 2))
-    count, few = fitted.rows.size, len(runs)
-    widened = student.ppf(0.975, few - 1) / norm.ppf(0.975)
-    return widened * math.sqrt(few / (few - 1) * np.sum(runs**2) + 1.0) / (count + 1.0)
+    count, small_count = fitted.rows.size, len(runs)
+    widened = student.ppf(0.975, small_count - 1) / norm.ppf(0.975)
+    return widened * math.sqrt(small_count / (small_count - 1) * np.sum(runs**2) + 1.0) / (count + 1.0)
 
 
 @pytest.mark.parametrize(("runs", "counts"), [(3, False), (4, True), (8, True)])
@@ -85,13 +87,13 @@ def test_run_wise_intervals_cover_a_number_varying_by_run():
     shape, free = (6, 2, 64), linear.nuisances()[:1]
     slope = 5.0 * np.ones(shape)
     columns = {free[0].name: (free[0].origin, slope / free[0].scale)}
-    held = 0
+    covered = 0
     for _ in range(400):
-        own = 0.1 * random.normal(size=(6, 1, 1))
-        seen = own * slope + random.normal(size=shape)
-        fitted = linear.fitted(seen, columns, free)
-        held += abs(fitted.u[0]) <= norm.ppf(0.975) * fitted.spread[0]
-    assert 0.9 <= held / 400 <= 0.99
+        run_effect = 0.1 * random.normal(size=(6, 1, 1))
+        observed = run_effect * slope + random.normal(size=shape)
+        fitted = linear.fitted(observed, columns, free)
+        covered += abs(fitted.u[0]) <= norm.ppf(0.975) * fitted.spread[0]
+    assert 0.9 <= covered / 400 <= 0.99
 
 
 # --- runs left out ---------------------------------------------------------------------------------------------------
@@ -100,33 +102,35 @@ def test_run_wise_intervals_cover_a_number_varying_by_run():
 @pytest.mark.parametrize(
     ("sizes", "rel"), [(EXIT.cause.parameters, 1e-6), ((EXIT.size("ExitAngle.e_1"),), 1e-3)], ids=["known", "free"]
 )
-def test_held_out_errors_are_the_exact_ones(made, sizes, rel):
+def test_held_out_errors_are_the_exact_ones(hidden_exit, sizes, rel):
     """A size without a prior is held near its value, three default sizes wide, which tells next to nothing."""
-    base, _ = made
+    base, _ = hidden_exit
     with_exit = fit(base.task, EXIT.on(base.model), (*base.parameters, *sizes))
-    found = held_out(base, with_exit, base.task.noise, 0)
-    exact = [linear.gaussian(one).left_out(OWNER) for one in (base, with_exit)]
+    held_out_errors = held_out(base, with_exit, base.task.noise, 0)
+    exact = [linear.gaussian(fit_found).left_out(OWNER) for fit_found in (base, with_exit)]
     count = linear.SHAPE[1] * linear.SHAPE[2]
-    for run, row in enumerate(found.runs):
+    for run, row in enumerate(held_out_errors.runs):
         assert (row.before, row.after) == pytest.approx((exact[0][run] / count, exact[1][run] / count), rel=rel)
         assert row.low <= row.after / row.before - 1 <= row.high
-    assert together(found.runs) == pytest.approx(tuple(each.sum() / (count * linear.RUNS) for each in exact), rel=rel)
-    squares = sum(row.before**2 for row in found.channels) * count / linear.SHAPE[1] * linear.RUNS
+    assert together(held_out_errors.runs) == pytest.approx(
+        tuple(losses.sum() / (count * linear.RUNS) for losses in exact), rel=rel
+    )
+    squares = sum(row.before**2 for row in held_out_errors.channels) * count / linear.SHAPE[1] * linear.RUNS
     assert squares == pytest.approx(exact[0].sum(), rel=rel)
 
 
 def test_the_interval_of_a_change_is_that_of_resampled_stretches():
     """Every second stretch falls from 2 to 1 SD: a run's two stretches and a channel's eight, by the binomial law."""
-    columns = {one.name: (one.origin, np.zeros(linear.SHAPE)) for one in linear.nuisances()}
+    columns = {parameter.name: (parameter.origin, np.zeros(linear.SHAPE)) for parameter in linear.nuisances()}
     was = np.full(linear.SHAPE, 2.0)
     now = np.where(np.arange(linear.SHAPE[2]) < 8, 1.0, was)
-    fits = [linear.fitted(seen, columns) for seen in (was, now)]
-    found = held_out(*fits, fits[1].task.noise, 0)
-    for run in found.runs:
+    fits = [linear.fitted(observed, columns) for observed in (was, now)]
+    held_out_errors = held_out(*fits, fits[1].task.noise, 0)
+    for run in held_out_errors.runs:
         assert (run.before, run.after) == pytest.approx((4.0, 2.5))
         assert (run.low, run.high) == pytest.approx((1 / 4 - 1, 0.0))
     fell = [math.sqrt(1 - 0.75 * binom.ppf(share, 8, 0.5) / 8) - 1 for share in (0.975, 0.025)]
-    for row in found.channels:
+    for row in held_out_errors.channels:
         assert (row.before, row.after, row.change) == pytest.approx((2.0, math.sqrt(2.5), math.sqrt(2.5) / 2 - 1))
         assert (row.low, row.high) == pytest.approx(fell)
 
@@ -140,10 +144,10 @@ def test_a_profile_has_no_rise_where_the_others_do_not_settle(monkeypatch):
     columns = linear.slopes(random, free)
     fitted = linear.fitted(np.clip(random.normal(size=linear.SHAPE), -2.2, 2.2), columns)
 
-    def unsettled(*asked, **named):
+    def unsettled(*arguments, **named):
         raise OptimisationError("a refit did not settle", status=400)
 
     monkeypatch.setattr("rover_pin.estimation.numbers.fit", unsettled)
-    (found,) = profiles(fitted, (fitted.parameters[0].name,))
-    assert [rise == 0.0 for rise in found.rises] == [False, False, False, True, False, False, False]
-    assert np.isnan(found.rises).sum() == 6
+    (profile,) = profiles(fitted, (fitted.parameters[0].name,))
+    assert [rise == 0.0 for rise in profile.rises] == [False, False, False, True, False, False, False]
+    assert np.isnan(profile.rises).sum() == 6

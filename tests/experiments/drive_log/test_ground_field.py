@@ -45,15 +45,15 @@ def commands(model, duty, yaw=0.0):
 
 def logged(truths, name="run"):
     """Return a run of each truth, without noise of its sensors."""
-    found = []
+    runs = []
     for at, (truth, duty, yaw) in enumerate(truths):
-        asked = commands(truth, duty, yaw)
-        drive = replay(truth, asked)
+        commanded = commands(truth, duty, yaw)
+        drive = replay(truth, commanded)
         wheels = [wheel.name for wheel in truth.rover.wheels]
-        duties = {f"duty_{wheel}": asked.duty[:, one] for one, wheel in enumerate(wheels)}
-        attrs = {"start": dataclasses.asdict(asked.start), "file": f"{name}-{at}.csv"}
-        found.append(logged_run(Trace({**drive.channels, **duties}, attrs=attrs), truth.rover))
-    return found
+        duties = {f"duty_{wheel}": commanded.duty[:, at] for at, wheel in enumerate(wheels)}
+        attrs = {"start": dataclasses.asdict(commanded.start), "file": f"{name}-{at}.csv"}
+        runs.append(logged_run(Trace({**drive.channels, **duties}, attrs=attrs), truth.rover))
+    return runs
 
 
 @pytest.fixture(scope="module")
@@ -88,12 +88,12 @@ def test_places_share_the_way_evenly(two, model):
 def test_grip_of_a_run_acts_like_a_change_of_the_friction_angle(two, model, field):
     soil = model.soils[0]
     phi = math.atan((1 + ground.GRIP.size) * math.tan(soil.phi))
-    other = model.replace(soils=(soil.replace(phi=phi), *model.soils[1:]))
-    still, gripped = two.predict([model, other])
+    second = model.replace(soils=(soil.replace(phi=phi), *model.soils[1:]))
+    still, gripped = two.predict([model, second])
     scale = np.nanmax(np.abs(gripped - still), axis=2)
     for fold in range(2):
-        moved = of(field, ground.GRIP_OF_RUN, fold)[0]
-        assert np.nanmax(np.abs(moved - (gripped - still)[fold]) / np.maximum(scale[fold], 1e-6)[:, None]) < 0.05
+        field_change = of(field, ground.GRIP_OF_RUN, fold)[0]
+        assert np.nanmax(np.abs(field_change - (gripped - still)[fold]) / np.maximum(scale[fold], 1e-6)[:, None]) < 0.05
 
 
 def test_slope_of_a_run_acts_like_ground_of_that_slope(model):
@@ -104,13 +104,13 @@ def test_slope_of_a_run_acts_like_ground_of_that_slope(model):
     experiment = experiment_of(logged([(model, 0.6, 0.0)]), model)
     inclined = experiment_of(experiment.runs, model.replace(terrain=rise))
     difference = inclined.predict([model.replace(terrain=rise)])[0] - experiment.predict([model])[0]
-    moved = of(experiment.random_field(model), ground.SLOPE_OF_RUN, 0)[0]
+    field_change = of(experiment.random_field(model), ground.SLOPE_OF_RUN, 0)[0]
     for name in ("path", "body_pitch", "current_ml_A", "wheel_rate_rr"):
         row = experiment.channels.index(name)
         use = experiment.runs[0].usable
-        wanted, found = difference[0, row, use], moved[row, use]
-        assert found @ wanted > 0.99 * np.linalg.norm(found) * np.linalg.norm(wanted), name
-        assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(wanted), rel=0.1), name
+        wanted, field_part = difference[0, row, use], field_change[row, use]
+        assert field_part @ wanted > 0.99 * np.linalg.norm(field_part) * np.linalg.norm(wanted), name
+        assert np.linalg.norm(field_part) == pytest.approx(np.linalg.norm(wanted), rel=0.1), name
 
 
 def test_height_gained_at_one_place_persists_to_the_end(two, field):
@@ -124,24 +124,26 @@ def test_height_gained_at_one_place_persists_to_the_end(two, field):
 
 def test_a_step_that_comes_late_is_a_way_that_stays_behind(model):
     """A step of the speed that comes d later is a way of d times the step, which stays; wheels turn as before."""
-    asked = commands(model, 0.4)
-    duty = np.where(asked.t[:, None] < 3.0, 0.4, 0.7) * np.ones(6)
-    drive = replay(model, dataclasses.replace(asked, duty=duty))
-    keep = np.abs(asked.t - 3.0) > 0.12
+    commanded = commands(model, 0.4)
+    duty = np.where(commanded.t[:, None] < 3.0, 0.4, 0.7) * np.ones(6)
+    drive = replay(model, dataclasses.replace(commanded, duty=duty))
+    keep = np.abs(commanded.t - 3.0) > 0.12
     names = [f"duty_{wheel.name}" for wheel in model.rover.wheels]
-    attrs = {"start": dataclasses.asdict(asked.start), "file": "run.csv"}
+    attrs = {"start": dataclasses.asdict(commanded.start), "file": "run.csv"}
     channels = {**drive.channels, **dict(zip(names, duty.T, strict=True))}
     run = logged_run(Trace({name: row[keep] for name, row in channels.items()}, attrs=attrs), model.rover)
     experiment = experiment_of([run], model)
-    (moved,) = experiment.random_field(model).moved[-1]
+    (field_change,) = experiment.random_field(model).moved[-1]
     assert experiment.random_field(model).kinds[-1] == STEPS[0]
-    speed = np.gradient(drive.channels["body_x"], asked.t)
-    gained = np.mean(speed[(asked.t > 4.0) & (asked.t < 5.0)]) - np.mean(speed[(asked.t > 1.5) & (asked.t < 2.5)])
-    doubt = np.diff(asked.t[keep]).max() / math.sqrt(12.0)
+    speed = np.gradient(drive.channels["body_x"], commanded.t)
+    gained = np.mean(speed[(commanded.t > 4.0) & (commanded.t < 5.0)]) - np.mean(
+        speed[(commanded.t > 1.5) & (commanded.t < 2.5)]
+    )
+    uncertainty = np.diff(commanded.t[keep]).max() / math.sqrt(12.0)
     after = np.flatnonzero((run.times > 3.5) & run.usable)
-    way = moved[run.channels.index("path"), after]
-    assert way == pytest.approx(-gained * doubt * np.exp(-(run.times[after] - 3.0) / LEAK), rel=0.15)
-    assert np.abs(moved[run.channels.index("wheel_rate_ml"), after]).max() < 0.02 * 0.3
+    way = field_change[run.channels.index("path"), after]
+    assert way == pytest.approx(-gained * uncertainty * np.exp(-(run.times[after] - 3.0) / LEAK), rel=0.15)
+    assert np.abs(field_change[run.channels.index("wheel_rate_ml"), after]).max() < 0.02 * 0.3
 
 
 def taught(experiment, model):
@@ -157,22 +159,22 @@ def test_runs_on_slopes_of_their_own_are_told_and_where(model):
     truths = [(model.having(GravityTilt(rise_x=rise, rise_y=0.0)), 0.6, 0.0) for rise in (0.02, -0.02, 0.0)]
     experiment = experiment_of(logged(truths), model)
     # a tilt of gravity shows in the drive, not in the attitude, which is of the table's frame: pitch is left out
-    found = taught(_without(experiment, "body_pitch", "body_z"), model)
-    told = ground_variability.ground_variability(found)
-    of_run = next(one for one in told.learnt if one.kind == ground.SLOPE_OF_RUN)
+    learnt_experiment = taught(_without(experiment, "body_pitch", "body_z"), model)
+    variability = ground_variability.ground_variability(learnt_experiment)
+    of_run = next(candidate for candidate in variability.learnt if candidate.kind == ground.SLOPE_OF_RUN)
     assert of_run.sd == pytest.approx(0.02, rel=0.4)
-    assert told.rms == pytest.approx(0.02 * math.sqrt(2 / 3), rel=0.15)
-    assert abs(told.worst.slope) == pytest.approx(0.02, rel=0.15)
-    assert told.worst.run in ("run-0", "run-1")
-    assert math.copysign(1.0, told.worst.slope) == (1.0 if told.worst.run == "run-0" else -1.0)
-    way = "more uphill" if told.worst.run == "run-0" else "more downhill"
+    assert variability.rms == pytest.approx(0.02 * math.sqrt(2 / 3), rel=0.15)
+    assert abs(variability.worst.slope) == pytest.approx(0.02, rel=0.15)
+    assert variability.worst.run in ("run-0", "run-1")
+    assert math.copysign(1.0, variability.worst.slope) == (1.0 if variability.worst.run == "run-0" else -1.0)
+    way = "more uphill" if variability.worst.run == "run-0" else "more downhill"
     assert re.fullmatch(
-        rf"The ground is not as declared: its slope differs by 0\.9\d? deg rms, most in {told.worst.run}, "
+        rf"The ground is not as declared: its slope differs by 0\.9\d? deg rms, most in {variability.worst.run}, "
         rf"1\.\d deg {way} from \(x, y\) = \([-\d.]+, -?0\.00\) to \([\d.]+, -?0\.00\) m\.",
-        told.sentence,
+        variability.sentence,
     )
-    assert "slope of a run" in told.lines[0]
-    assert told.as_dict()["worst"]["run"] == told.worst.run
+    assert "slope of a run" in variability.lines[0]
+    assert variability.as_dict()["worst"]["run"] == variability.worst.run
 
 
 BEND = BentGround(0.02, 0.03, 0.0, -0.02, -0.03, x_from=-0.3, length=1.0)
@@ -185,10 +187,10 @@ def test_a_bend_that_the_runs_share_is_fitted_as_an_effect(model):
     (effect,) = variants(BentGround, model, experiment)
     bent = candidate_of(effect)
     noise = declared_noise(np.full(len(experiment.channels), SD), experiment.observed)
-    found = fit(Task(experiment, noise), bent.on(model), bent.cause.parameters, stale=True).model
+    model_built = fit(Task(experiment, noise), bent.on(model), bent.cause.parameters, stale=True).model
     x = np.concatenate([run.commands.place[:, 0] for run in experiment.runs])
     grid = np.linspace(np.nanquantile(x, 0.1), np.nanquantile(x, 0.9), 20)
-    heights = [one.ground.height(grid, 0.0) for one in (found, model.having(BEND))]
+    heights = [model_with_bend.ground.height(grid, 0.0) for model_with_bend in (model_built, model.having(BEND))]
     off, true = (row - row.mean() for row in (heights[0] - heights[1], heights[1]))
     assert np.std(off) < 0.1 * np.std(true)
 
@@ -197,30 +199,32 @@ def test_ends_of_a_stretch_follow_the_facing_direction(model):
     """Driven towards -x: what is uphill towards +x is downhill on this way, which is told from the larger x on."""
     tilted = model.having(GravityTilt(rise_x=0.02, rise_y=0.0))
     truths = [(tilted, 0.6, math.pi), (model, 0.6, math.pi), (model, 0.7, math.pi)]
-    found = taught(_without(experiment_of(logged(truths), model), "body_pitch", "body_z"), model)
-    worst = ground_variability.ground_variability(found).worst
+    learnt_experiment = taught(_without(experiment_of(logged(truths), model), "body_pitch", "body_z"), model)
+    worst = ground_variability.ground_variability(learnt_experiment).worst
     assert worst.run == "run-0"
     assert worst.slope < -0.01
     assert worst.begin[0] - worst.end[0] > 0.1
     assert abs(worst.begin[1] - worst.end[1]) < 0.05
-    back = dataclasses.replace(logged_runs(found)[0], heading=logged_runs(found)[0].heading + math.pi)
-    turned = dataclasses.replace(found.task.experiment, runs=(back, *logged_runs(found)[1:]))
-    task = dataclasses.replace(found.task, experiment=turned)
-    again = ground_variability.ground_variability(dataclasses.replace(found, task=task)).worst
+    back = dataclasses.replace(
+        logged_runs(learnt_experiment)[0], heading=logged_runs(learnt_experiment)[0].heading + math.pi
+    )
+    turned = dataclasses.replace(learnt_experiment.task.experiment, runs=(back, *logged_runs(learnt_experiment)[1:]))
+    task = dataclasses.replace(learnt_experiment.task, experiment=turned)
+    again = ground_variability.ground_variability(dataclasses.replace(learnt_experiment, task=task)).worst
     assert (again.begin, again.end) == (worst.end, worst.begin)
 
 
-def logged_runs(found):
-    return found.task.experiment.runs
+def logged_runs(runs):
+    return runs.task.experiment.runs
 
 
 def test_ground_as_declared_is_not_doubted(model):
     experiment = experiment_of(logged([(model, 0.6, 0.0), (model, 0.7, 0.0)]), model)
-    found = taught(experiment, model)
-    told = ground_variability.ground_variability(found)
-    assert told.worst is None
-    assert told.sentence == ""
-    assert told.rms < 1e-3
+    learnt_experiment = taught(experiment, model)
+    variability = ground_variability.ground_variability(learnt_experiment)
+    assert variability.worst is None
+    assert variability.sentence == ""
+    assert variability.rms < 1e-3
 
 
 def _without(experiment, *names):

@@ -18,11 +18,11 @@ from tests.experiments.drive_log import drive_sets
 G = 9.81
 
 
-def pose(t, **given):
+def pose(t, **value):
     """Channels of a body at rest but for what is given."""
     still = {f"body_{name}": np.zeros(len(t)) for name in ("roll", "pitch", "yaw", "vx", "vy", "vz")}
     down = {"gravity_x": np.zeros(len(t)), "gravity_y": np.zeros(len(t)), "gravity_z": np.full(len(t), -G)}
-    return still | down | {name: values * np.ones(len(t)) for name, values in given.items()}
+    return still | down | {name: values * np.ones(len(t)) for name, values in value.items()}
 
 
 @pytest.mark.parametrize("nose_up", [-0.3, 0.0, 0.2])
@@ -93,7 +93,7 @@ def test_replays_of_a_log_read_as_its_unit_does(tmp_path):
 def test_a_gyro_off_its_zero_is_found_with_its_bias(tmp_path):
     log = read_drive_log(drive_sets.write(tmp_path, runs=2, duration=8.0, extra=unit(BIAS)))
     fit = drive_sets.calibrated_on(log, with_spread(base_model(log)))
-    sd = 0.01 * fit.spread[[one.name for one in fit.parameters].index("SensorBias[gyro_z].bias")]
+    sd = 0.01 * fit.spread[[parameter.name for parameter in fit.parameters].index("SensorBias[gyro_z].bias")]
     assert abs(fit.value("SensorBias[gyro_z].bias") - BIAS) < 2.5 * sd
     assert sd < 0.004
 

@@ -38,21 +38,21 @@ def test_a_hidden_sag_is_named_with_its_size_and_its_error_falls(loop):
     verdict, _ = loop
     assert verdict.answer is Answer.NAMED, verdict.summary()
     assert verdict.named == ("SupplySag",)
-    size = next(one for one in verdict.after.numbers if one.name == "SupplySag.R_b")
+    size = next(number for number in verdict.after.numbers if number.name == "SupplySag.R_b")
     assert size.low < 2.5 < size.high
     assert size.value == pytest.approx(2.5, rel=0.1)
     battery = next(score for score in verdict.scores if score.name == "battery_V")
     assert battery.after < 0.3 * battery.before
     free = verdict.extra.free
-    assert sum(one.after for one in free) < 1.05 * sum(one.before for one in free)  # voltage, not way
+    assert sum(score.after for score in free) < 1.05 * sum(score.before for score in free)  # voltage, not way
 
 
 @pytest.mark.nightly
 def test_the_files_can_be_used_at_once(loop, sagging):
     verdict, out = loop
-    told = json.loads((out / "verdict.json").read_text(encoding="utf-8"))
-    assert told["named"] == ["SupplySag"]
-    assert told["command"].startswith("rover-pin close-loop")
+    document = json.loads((out / "verdict.json").read_text(encoding="utf-8"))
+    assert document["named"] == ["SupplySag"]
+    assert document["command"].startswith("rover-pin close-loop")
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "SupplySag" in page
     log = read_drive_log(sagging)
@@ -72,7 +72,7 @@ def test_nothing_is_named_where_nothing_is_hidden(tmp_path):
 
 @pytest.mark.nightly
 def test_a_loop_that_was_killed_goes_on_and_says_the_same(loop, sagging, tmp_path):
-    _, whole = loop
+    _, full = loop
     command = [sys.executable, "-m", "rover_pin.cli.app", "close-loop", str(sagging), "--out", str(tmp_path)]
     first = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
     refits = (line for line in first.stderr if line.startswith("refitting"))
@@ -80,19 +80,19 @@ def test_a_loop_that_was_killed_goes_on_and_says_the_same(loop, sagging, tmp_pat
     first.kill()
     first.wait()
     first.stderr.close()
-    kept = {file: file.stat().st_mtime_ns for file in (tmp_path / ".resume").glob("*.npz")}
-    assert len(kept) > 3
+    files = {file: file.stat().st_mtime_ns for file in (tmp_path / ".resume").glob("*.npz")}
+    assert len(files) > 3
     steps = []
     close_the_loop(sagging, out=tmp_path, progress=steps.append, jobs=2)
-    assert steps[1].endswith(f"{len(kept)} finished steps are kept in {tmp_path}/.resume")
-    assert said(tmp_path) == said(whole)
-    assert (tmp_path / "model.toml").read_bytes() == (whole / "model.toml").read_bytes()
+    assert steps[1].endswith(f"{len(files)} finished steps are kept in {tmp_path}/.resume")
+    assert said(tmp_path) == said(full)
+    assert (tmp_path / "model.toml").read_bytes() == (full / "model.toml").read_bytes()
 
 
 def said(out):
     """The verdict as written, without when and how it was asked."""
-    told = json.loads((out / "verdict.json").read_text(encoding="utf-8"))
-    return {key: value for key, value in told.items() if key not in ("seconds", "command", "date", "files")}
+    document = json.loads((out / "verdict.json").read_text(encoding="utf-8"))
+    return {key: value for key, value in document.items() if key not in ("seconds", "command", "date", "files")}
 
 
 @pytest.mark.nightly

@@ -27,8 +27,8 @@ def test_a_rate_that_is_not_recorded_is_a_finding_and_not_compared(kind):
             for run in channels.GOOD]  # fmt: skip
     log = channels.log_of(*runs)
     assert faults(log) == ()
-    (told,) = [each for each in findings(log) if "rate of ml" in each.what]
-    assert "not compared" in told.todo
+    (finding,) = [finding for finding in findings(log) if "rate of ml" in finding.what]
+    assert "not compared" in finding.todo
     compared = logged_run(log.runs[0], load_rover("nexus6"))
     observed = dict(zip(compared.channels, compared.observed, strict=True))
     assert np.isfinite(observed["wheel_rate_fl"]).mean() > 0.5
@@ -37,14 +37,16 @@ def test_a_rate_that_is_not_recorded_is_a_finding_and_not_compared(kind):
 
 def test_rates_of_one_side_alone_are_too_few():
     log = channels.log_of(*(without(run, "wheel_rate_fr", "wheel_rate_mr", "wheel_rate_rr") for run in channels.GOOD))
-    assert any("wheel_rate_fr" in each.what for each in faults(log))
+    assert any("wheel_rate_fr" in fault.what for fault in faults(log))
 
 
 def test_a_wheel_without_a_rate_turns_as_its_side_where_rates_are_the_input():
     runs = [without(run, "duty_", "current_", "wheel_rate_ml") for run in channels.GOOD]
     log = channels.log_of(*runs, motor={})
     assert faults(log) == ()
-    assert any("rate of ml" in each.what and "mean rate of the other wheels" in each.todo for each in findings(log))
+    assert any(
+        "rate of ml" in finding.what and "mean rate of the other wheels" in finding.todo for finding in findings(log)
+    )
     rover = load_rover("nexus6")
     rate = logged_run(log.runs[0], rover).commands.rate
     at = {wheel.name: number for number, wheel in enumerate(rover.wheels)}

@@ -85,20 +85,20 @@ def tilted(model):
     )
 
 
-def told(fits, offers, say=lambda said: None):
+def told(fits, offers, say=lambda message: None):
     """Return what is proposed to tell equally probable fits apart."""
-    return next_measurement([(1.0 / len(fits), each) for each in sets_of(fits)], offers, say)
+    return next_measurement([(1.0 / len(fits), candidate_set) for candidate_set in sets_of(fits)], offers, say)
 
 
 def sets_of(fits, names=()):
     """Return fits as sets of causes, by the kind of their last effect unless they are named."""
-    names = names or [type(each.model.all_effects[-1]).__name__ for each in fits]
+    names = names or [type(drive_fit.model.all_effects[-1]).__name__ for drive_fit in fits]
     return [
         SimpleNamespace(
-            names=(name,), fit=each, experiment=each.task.experiment,
-            posterior=SimpleNamespace(covariance=each.covariance),
+            names=(name,), fit=drive_fit, experiment=drive_fit.task.experiment,
+            posterior=SimpleNamespace(covariance=drive_fit.covariance),
         )
-        for name, each in zip(names, fits, strict=True)
+        for name, drive_fit in zip(names, fits, strict=True)
     ]  # fmt: skip
 
 
@@ -107,11 +107,11 @@ def run_called(fits, words):
 
 
 def test_a_tilt_is_told_from_a_tether_by_the_other_heading(tilted):
-    same, back = (_offer_of_run(run_called(tilted, f"flat towards {way}x"), tilted[0]) for way in "+-")
-    found, poor = told(tilted, [back]), told(tilted, [same])
-    assert found.nats > 0.9 * math.log(2.0)
-    assert poor is None or poor.nats < 0.2 * found.nats
-    assert found.what.startswith("20 s on the flat towards -x at a constant duty of 0.6")
+    unchanged, back = (_offer_of_run(run_called(tilted, f"flat towards {way}x"), tilted[0]) for way in "+-")
+    proposal, poor = told(tilted, [back]), told(tilted, [unchanged])
+    assert proposal.nats > 0.9 * math.log(2.0)
+    assert poor is None or poor.nats < 0.2 * proposal.nats
+    assert proposal.what.startswith("20 s on the flat towards -x at a constant duty of 0.6")
 
 
 @pytest.mark.parametrize("truth", [0, 1])
@@ -125,11 +125,13 @@ def test_the_proposed_drive_tells_who_is_right(tilted, truth):
     )
     names = [name for name in offer.experiment.channels if name not in offer.unmeasured]
     logs = []
-    for each in tilted:
-        own = SimpleNamespace(
-            fit=each, experiment=each.task.experiment, posterior=SimpleNamespace(covariance=each.covariance)
+    for drive_fit in tilted:
+        namespace = SimpleNamespace(
+            fit=drive_fit,
+            experiment=drive_fit.task.experiment,
+            posterior=SimpleNamespace(covariance=drive_fit.covariance),
         )
-        expected = with_uncertain_numbers(offer, own, expectation(offer, own, own))
+        expected = with_uncertain_numbers(offer, namespace, expectation(offer, namespace, namespace))
         table = np.full(offer.noise.good.shape, np.nan)
         table[0, [offer.experiment.channels.index(name) for name in names]] = log.observed[
             [log.channels.index(name) for name in names]
@@ -143,7 +145,7 @@ def test_the_proposed_drive_tells_who_is_right(tilted, truth):
 
 
 def test_a_run_that_cannot_be_driven_is_not_offered(tilted, monkeypatch):
-    def stopped(*given, **named):
+    def stopped(*value, **named):
         return Replay({}, "the rover tips")
 
     monkeypatch.setattr(next_drives_file, "replay", stopped)
@@ -157,9 +159,9 @@ def test_what_holds_at_every_duty_needs_currents(model):
         fitted(task, model, DeadBand(), "DeadBand.delta_0"),
     )
     assert fits[0].chi2 == pytest.approx(fits[1].chi2, abs=4.0)
-    found = told(fits, [_offer_of_run(run_called(fits, "flat, the duty stepping"), fits[0])])
-    assert found.what.endswith(", with current_fl_A to current_rr_A too")
-    assert found.channel.startswith("current_")
+    proposal = told(fits, [_offer_of_run(run_called(fits, "flat, the duty stepping"), fits[0])])
+    assert proposal.what.endswith(", with current_fl_A to current_rr_A too")
+    assert proposal.channel.startswith("current_")
 
 
 def test_an_effect_at_a_place_is_sought_on_the_logged_ground(tilted):
@@ -171,11 +173,11 @@ def test_an_effect_at_a_place_is_sought_on_the_logged_ground(tilted):
 
 @pytest.mark.slow
 def test_all_runs_are_weighed_for_a_tilt_and_a_tether(tilted):
-    said = []
-    found = told(tilted, next_drives(sets_of(tilted)), said.append)
-    assert "-x" in found.what or "back" in found.what
-    assert found.nats > 0.9 * math.log(2.0)
-    assert len(said) >= 16
+    messages = []
+    proposal = told(tilted, next_drives(sets_of(tilted)), messages.append)
+    assert "-x" in proposal.what or "back" in proposal.what
+    assert proposal.nats > 0.9 * math.log(2.0)
+    assert len(messages) >= 16
 
 
 @pytest.mark.slow
@@ -190,8 +192,8 @@ def test_load_or_currents_separate_weak_motor_and_tachogenerator(model):
     gains = {WEAK: parameter(neutral, f"{WEAK}.g", 0.02), TACHO: parameter(neutral, f"{TACHO}.e", 0.015)}
     fits = []
     for freed in (WEAK, TACHO):
-        also = [dataclasses.replace(each, prior=name != freed) for name, each in gains.items()]
+        also = [dataclasses.replace(gain, prior=name != freed) for name, gain in gains.items()]
         fits.append(fitted(task, neutral, also=also))
-    found = told(fits, next_drives(sets_of(fits, (WEAK, TACHO))))
-    assert any(word in found.what for word in ("current", "slope", "ballast", "wheel ml"))
-    assert found.channel in ("wheel_rate_ml", "current_ml_A")
+    proposal = told(fits, next_drives(sets_of(fits, (WEAK, TACHO))))
+    assert any(word in proposal.what for word in ("current", "slope", "ballast", "wheel ml"))
+    assert proposal.channel in ("wheel_rate_ml", "current_ml_A")

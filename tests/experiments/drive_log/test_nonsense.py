@@ -16,7 +16,7 @@ WHEELS = channels.WHEELS
 
 
 def said(log):
-    return " ".join(str(each) for each in faults(log))
+    return " ".join(str(fault) for fault in faults(log))
 
 
 def odometry(run, scale=1.0, noise=0.0, wheels=WHEELS, rounded=12, late=0):
@@ -33,21 +33,23 @@ def odometry(run, scale=1.0, noise=0.0, wheels=WHEELS, rounded=12, late=0):
 
 
 @pytest.mark.parametrize(
-    "how",
+    "options",
     [{}, {"late": -1}, {"rounded": 5}, {"wheels": ("ml", "mr")}],
     ids=["exact", "next sample", "in 10 um", "one axle"],
 )
-def test_a_pose_that_is_the_wheels_odometry_is_refused(how):
-    run = odometry(drive(0, hill=0.0), **how)
+def test_a_pose_that_is_the_wheels_odometry_is_refused(options):
+    run = odometry(drive(0, hill=0.0), **options)
     assert "they are the wheels' odometry; give a pose from another sensor" in said(log_of(run))
 
 
-@pytest.mark.parametrize("how", [{"rounded": 3}, {"noise": 5e-4}, {"noise": 1.5e-3}], ids=["in mm", "0.5 mm", "1.5 mm"])
-def test_odometry_under_noise_is_named(how):
+@pytest.mark.parametrize(
+    "options", [{"rounded": 3}, {"noise": 5e-4}, {"noise": 1.5e-3}], ids=["in mm", "0.5 mm", "1.5 mm"]
+)
+def test_odometry_under_noise_is_named(options):
     """It could be a rover that hardly slips: nothing tells them apart, so it is no fault."""
-    log = log_of(odometry(drive(0, hill=0.0), **how))
+    log = log_of(odometry(drive(0, hill=0.0), **options))
     assert faults(log) == ()
-    assert any("body_x and body_y follow the wheels at an even slip of" in str(each) for each in findings(log))
+    assert any("body_x and body_y follow the wheels at an even slip of" in str(finding) for finding in findings(log))
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -124,16 +126,16 @@ def with_currents(scale, seed=0):
 
 @pytest.mark.parametrize(("scale", "word"), [(0.01, "0.01 times"), (1.0, ""), (0.5, ""), (2.0, "")])
 def test_currents_in_another_scale_are_refused(scale, word):
-    told = said(log_of(with_currents(scale)))
-    assert ("that [motor] draws at these duties" in told) is bool(word)
-    assert word in told
+    faults_text = said(log_of(with_currents(scale)))
+    assert ("that [motor] draws at these duties" in faults_text) is bool(word)
+    assert word in faults_text
 
 
 def test_currents_that_are_hardly_the_motors_are_named():
     log = log_of(with_currents(0.2))
     assert faults(log) == ()
-    (told,) = [str(each) for each in findings(log) if "that [motor] draws" in str(each)]
-    assert "the currents are 0.2 times" in told
-    assert "check their scale, and supply, resistance, k_t and gear of [motor]" in told
+    (finding_text,) = [str(finding) for finding in findings(log) if "that [motor] draws" in str(finding)]
+    assert "the currents are 0.2 times" in finding_text
+    assert "check their scale, and supply, resistance, k_t and gear of [motor]" in finding_text
     unknown = log_of(with_currents(0.01), motor={"supply": 7.2, "resistance": 24.0})
     assert "that [motor] draws" not in said(unknown)

@@ -39,16 +39,16 @@ def stairs(random, levels, hold=5.0):
 
 def null_logs(seed):
     random = np.random.default_rng(seed)
-    about = {
+    settings = {
         "duration": float(random.choice([12.0, 20.0, 40.0])),
         "yaw": random.uniform(-math.pi, math.pi),
         "hill": float(random.choice([0.0, 0.02, 0.12])),
     }
-    usual = channels.drive(seed, **about)
-    noisy = channels.drive(seed, noise=float(random.choice([2.0, 5.0])), **about)
-    yield usual, {}
+    trace = channels.drive(seed, **settings)
+    noisy = channels.drive(seed, noise=float(random.choice([2.0, 5.0])), **settings)
+    yield trace, {}
     yield noisy, {}
-    yield drifting_currents(usual, random), {}
+    yield drifting_currents(trace, random), {}
     yield drifting_currents(stairs(random, [0.4, 0.5, 0.6, 0.55]), random), {}
     yield {name: values for name, values in noisy.items() if not name.startswith(("duty", "current"))}, {"motor": {}}
     yield {**noisy, **{f"body_v{axis}": np.gradient(noisy[f"body_{axis}"], noisy["t_s"]) for axis in "xy"}}, {}
@@ -56,8 +56,8 @@ def null_logs(seed):
 
 
 def test_no_null_log_is_refused_and_few_are_warned_about():
-    logs = [driven_runs(channels.log_of(run, **about))[0] for seed in range(40) for run, about in null_logs(seed)]
-    refused = [str(found) for run in logs for stage in REFUSALS for check in stage for found in check.findings(run)]
+    logs = [driven_runs(channels.log_of(run, **metadata))[0] for seed in range(40) for run, metadata in null_logs(seed)]
+    refused = [str(finding) for run in logs for stage in REFUSALS for check in stage for finding in check.findings(run)]
     assert refused == []
     for check in NOTES:
         name = check.statistic.__name__

@@ -54,20 +54,22 @@ def log(tmp_path_factory):
 def test_log_without_duties_is_usable_and_states_its_blind_spots(log):
     assert is_rate_driven(log)
     assert faults(log) == ()
-    said = " ".join(map(str, findings(log)))
-    assert "no duty is recorded, so the wheels are held to their measured rates" in said
-    assert "motors" in said
-    assert "battery_V" not in said
+    findings_text = " ".join(map(str, findings(log)))
+    assert "no duty is recorded, so the wheels are held to their measured rates" in findings_text
+    assert "motors" in findings_text
+    assert "battery_V" not in findings_text
 
 
 def test_its_model_frees_no_motor_and_lacks_none(log):
     model = with_spread(base_model(log), motors=False)
-    names = [one.name for one in nuisances(log, model)]
+    names = [parameter.name for parameter in nuisances(log, model)]
     assert not [name for name in names if name.startswith(("motor.", "WeakMotor"))]
     assert {"soil.phi", "MotionResistance.R", "TachoScale[fl].e"} <= set(names)
     experiment = experiment_of(logged_runs(log, model.rover), model)
     assert not [
-        one for one in candidates(model, experiment, (), known_effects()) if isinstance(one.effect, MotorEffect)
+        candidate
+        for candidate in candidates(model, experiment, (), known_effects())
+        if isinstance(candidate.effect, MotorEffect)
     ]
     assert {"path", "heading", "body_pitch", "rocker_l"} <= set(experiment.channels)
     assert not [name for name in experiment.channels if name.startswith(("wheel_rate_", "current_"))]
@@ -78,8 +80,12 @@ def test_the_side_force_is_uncertain_where_nothing_steers(tmp_path, rover, free)
     """What scrubs alone holds its heading by it: taken as exact, flank pressure was named where a cable dragged."""
     folder = write(tmp_path, runs=1, duration=3.0, rover=rover)
     log = only(folder, lambda name: not name.startswith(DROPPED))
-    own = [one for one in nuisances(log, with_spread(base_model(log), motors=False)) if "SideShear" in one.name]
-    assert [one.scale for one in own] == ([0.5] if free else [])
+    parameters = [
+        parameter
+        for parameter in nuisances(log, with_spread(base_model(log), motors=False))
+        if "SideShear" in parameter.name
+    ]
+    assert [parameter.scale for parameter in parameters] == ([0.5] if free else [])
 
 
 def test_duties_are_ignored_if_the_log_declares_rates_as_input(tmp_path):
@@ -140,8 +146,8 @@ def over(folder, profile, start, seconds=8.0):
     driven = simulate(model, lambda reading: 0.6, seconds, start, timing=timing, measure_error=False)
     wheels = tuple(wheel.name for wheel in cart.wheels)
     keep = [name for name in driven if name == "t_s" or name.startswith(("body_", "wheel_rate_"))]
-    seen = Trace({name: driven[name] for name in keep if not name.startswith("body_v")}, {}, {})
-    write_drive_log(folder, {"run": seen}, LogMetadata("plane", rover="cart", wheels=wheels))
+    trace = Trace({name: driven[name] for name in keep if not name.startswith("body_v")}, {}, {})
+    write_drive_log(folder, {"run": trace}, LogMetadata("plane", rover="cart", wheels=wheels))
     return read_drive_log(folder)
 
 
@@ -150,9 +156,9 @@ def test_deeper_rear_sinkage_is_not_taken_for_a_ground_slope(tmp_path, slope, ya
     """The level of a cart is nose up by .1 to .5 deg on any ground; a wheel's scale was named for that."""
     log = on_a_plane(tmp_path, math.radians(slope), yaw)
     model = with_spread(base_model(log), motors=False)
-    (as_level,), (told,) = logged_runs(log, model.rover), runs_on_estimated_ground(log, model)
+    (as_level,), (on_estimate,) = logged_runs(log, model.rover), runs_on_estimated_ground(log, model)
     rises = []
-    for run in (as_level, told):
+    for run in (as_level, on_estimate):
         ground, x = run.commands.terrain, run.commands.place[20:-10, 0]
         rise = (ground.height(x + 0.28, 0.0 * x) - ground.height(x - 0.28, 0.0 * x)) / 0.56
         rises.append(float(np.mean(np.degrees(np.arctan(rise)))))
@@ -202,15 +208,15 @@ def test_currents_of_unknown_scale_are_compared_by_shape(tmp_path, amperes):
     fit = drive_sets.calibrated_on(log, model)
     experiment, channel = fit.task.experiment, "current_{}_A" if amperes else "raw_current_{}"
     assert {channel.format(wheel) for wheel in SCALES} <= set(experiment.channels)
-    found = {one.name: one.value(u) for one, u in zip(fit.parameters, fit.u, strict=True)}
+    fitted_values = {parameter.name: parameter.value(u) for parameter, u in zip(fit.parameters, fit.u, strict=True)}
     constants = [model.motor.constant / nexus6_motor().constant if amperes else scale for scale in SCALES.values()]
     for wheel, scale in zip(SCALES, constants, strict=True):
-        own = f"RawCurrent[{channel.format(wheel)}]"
-        assert found[f"{own}.scale"] == pytest.approx(scale, rel=0.1)
-        assert found[f"{own}.offset"] == pytest.approx(0.0 if amperes else 512.0, abs=2e-3 * abs(scale))
+        effect_name = f"RawCurrent[{channel.format(wheel)}]"
+        assert fitted_values[f"{effect_name}.scale"] == pytest.approx(scale, rel=0.1)
+        assert fitted_values[f"{effect_name}.offset"] == pytest.approx(0.0 if amperes else 512.0, abs=2e-3 * abs(scale))
     at = [experiment.channels.index(channel.format(wheel)) for wheel in SCALES]
-    left, whole = (np.nanstd(each[:, at], axis=(0, 2)) for each in (fit.residual, experiment.observed))
-    assert np.all(left < 0.2 * whole)
+    left, full = (np.nanstd(rows[:, at], axis=(0, 2)) for rows in (fit.residual, experiment.observed))
+    assert np.all(left < 0.2 * full)
 
 
 @pytest.mark.nightly
@@ -224,5 +230,5 @@ def test_tilt_is_found_without_duties_and_none_in_a_null_log(tmp_path, degrees):
         assert verdict.answer is Answer.NONE_NEEDED
         return
     assert verdict.named == ("GravityTilt",)
-    (tilt,) = (one for one in verdict.after.numbers if one.name == "GravityTilt.rise_x")
+    (tilt,) = (number for number in verdict.after.numbers if number.name == "GravityTilt.rise_x")
     assert tilt.low < math.radians(degrees) < tilt.high

@@ -49,7 +49,7 @@ def test_pose_with_one_wrong_number_is_an_outlier_as_a_whole(name):
     log = changed(**{name: values}).runs[0]
     assert np.flatnonzero(pose_outliers(log)).tolist() == [300]
     left = without_pose_outliers(log)
-    assert all(np.flatnonzero(np.isnan(left[each])).tolist() == [300] for each in JUMPS)
+    assert all(np.flatnonzero(np.isnan(left[jump])).tolist() == [300] for jump in JUMPS)
     assert np.array_equal(left["wheel_rate_fl"], log["wheel_rate_fl"])
 
 
@@ -73,17 +73,17 @@ def test_a_pose_beside_a_gap_is_told_by_those_on_its_other_side():
 
 
 def test_outliers_are_reported_with_times_and_not_as_jumps():
-    said = [str(each) for each in findings(with_poses_off(300))]
-    (line,) = [each for each in said if "outlier" in each]
+    finding_texts = [str(line) for line in findings(with_poses_off(300))]
+    (line,) = [line for line in finding_texts if "outlier" in line]
     assert line.startswith(
         "run-1.csv: a single pose is an outlier among those before and after, at t = 12 s (row 301); "
     )
     assert line.endswith("the loop leaves these 1 of 1500 poses out.")
-    assert not any("jumps" in each for each in said)
-    many = [str(each) for each in findings(with_poses_off(*range(100, 170, 10)))]
+    assert not any("jumps" in line for line in finding_texts)
+    many = [str(line) for line in findings(with_poses_off(*range(100, 170, 10)))]
     assert any(
-        "single poses are outliers" in each and "and 2 more; the loop leaves these 7 of 1500 poses out" in each
-        for each in many
+        "single poses are outliers" in line and "and 2 more; the loop leaves these 7 of 1500 poses out" in line
+        for line in many
     )
 
 
@@ -103,14 +103,18 @@ def uneven(seed=0):
 
 def test_between_uneven_rows_it_is_somewhere():
     t = uneven()
-    (one,) = ambiguous_steps(duties(t, STEPPED))
-    assert (one.begin, one.end, one.change) == (t[99], t[100], {"duty_fl": pytest.approx(0.2)})
+    (ambiguous_step,) = ambiguous_steps(duties(t, STEPPED))
+    assert (ambiguous_step.begin, ambiguous_step.end, ambiguous_step.change) == (
+        t[99],
+        t[100],
+        {"duty_fl": pytest.approx(0.2)},
+    )
 
 
 def test_where_rows_are_missing_it_is_anywhere_among_them():
     keep = (EVEN < 4.8) | (EVEN > 5.2)
-    (one,) = ambiguous_steps(duties(EVEN[keep], STEPPED[keep]))
-    assert (one.begin, one.end) == (pytest.approx(4.75), pytest.approx(5.25))
+    (ambiguous_step,) = ambiguous_steps(duties(EVEN[keep], STEPPED[keep]))
+    assert (ambiguous_step.begin, ambiguous_step.end) == (pytest.approx(4.75), pytest.approx(5.25))
     elsewhere = (EVEN < 6.8) | (EVEN > 7.2)
     assert ambiguous_steps(duties(EVEN[elsewhere], STEPPED[elsewhere])) == []
 
@@ -126,15 +130,18 @@ def test_blocks_at_ambiguous_steps_are_excluded_and_reported():
     log = log_of(late(GOOD[0]), *GOOD[1:])
     count = len(ambiguous_steps(log.runs[0]))
     assert count > 5
-    even, rows = (logged_run(each.runs[0], load_rover("nexus6")) for each in (log_of(*GOOD), log))
+    even, rows = (logged_run(log_read.runs[0], load_rover("nexus6")) for log_read in (log_of(*GOOD), log))
     assert 0 < (even.usable & ~rows.usable[: len(even.usable)]).sum() <= 2 * count
     forward = rows.commands.duty.mean(axis=1) > 0.0
     turned = np.convolve(np.diff(forward, prepend=True), np.ones(round(AFTER_TURN / 0.05) + 2))[: len(forward)] > 0
-    other = (rows.summed_rows != even.summed_rows) & ~turned
-    assert np.mean(other) < 0.01, "what is driven there counts"
+    second = (rows.summed_rows != even.summed_rows) & ~turned
+    assert np.mean(second) < 0.01, "what is driven there counts"
     assert (len(even.later), len(rows.later)) == (0, count)
-    said = [str(each) for each in findings(log)]
-    assert any(f"so the instants of {count} steps of the duty are unknown, by up to 0.0" in each for each in said), said
+    finding_texts = [str(finding) for finding in findings(log)]
+    assert any(
+        f"so the instants of {count} steps of the duty are unknown, by up to 0.0" in finding_text
+        for finding_text in finding_texts
+    ), finding_texts
 
 
 def test_a_step_in_doubt_is_late_by_the_sd_of_its_instant():
@@ -169,22 +176,22 @@ NAMES = ("path", "drift", "heading", "body_z", "body_roll", "body_pitch", "wheel
 
 
 def test_each_pose_number_wanders_alone_and_no_other_channel():
-    made = tracker_columns([wandering(NAMES)] * 2, NAMES, 40, np.zeros((2, len(NAMES), 40)))
-    moved = made["moved"].any(axis=3)
-    assert moved.sum(axis=(1, 2)).tolist() == [1] * len(moved), "one run, one feature"
-    rows = np.argwhere(moved)
-    kinds = {NAMES[row]: TRACKER[made["kind"][at]] for at, _, row in rows}
+    columns = tracker_columns([wandering(NAMES)] * 2, NAMES, 40, np.zeros((2, len(NAMES), 40)))
+    is_moved = columns["moved"].any(axis=3)
+    assert is_moved.sum(axis=(1, 2)).tolist() == [1] * len(is_moved), "one run, one feature"
+    rows = np.argwhere(is_moved)
+    kinds = {NAMES[row]: TRACKER[columns["kind"][at]] for at, _, row in rows}
     assert kinds == {
         "path": PLACE, "drift": PLACE, "heading": COURSE, "body_z": HEIGHT, "body_roll": TILT, "body_pitch": TILT,
     }  # fmt: skip
-    assert [fold for _, fold, _ in rows] == made["fold"].tolist()
+    assert [fold for _, fold, _ in rows] == columns["fold"].tolist()
 
 
 def test_the_first_step_is_a_zero_that_is_off():
     """Roll and pitch then read it, a height is levelled, and a way or a turn does not see it: nothing is moved."""
-    made = tracker_columns([wandering(NAMES)], NAMES, 40, np.zeros((1, len(NAMES), 40)))["moved"][:, 0]
-    steps = {name: made[made[:, row].any(axis=1), row] for row, name in enumerate(NAMES)}
-    assert {name: len(moved) for name, moved in steps.items()} == {
+    columns = tracker_columns([wandering(NAMES)], NAMES, 40, np.zeros((1, len(NAMES), 40)))["moved"][:, 0]
+    steps = {name: columns[columns[:, row].any(axis=1), row] for row, name in enumerate(NAMES)}
+    assert {name: len(step) for name, step in steps.items()} == {
         "path": 5, "drift": 5, "heading": 5, "body_z": 5, "body_roll": 6, "body_pitch": 6, "wheel_rate_fl": 0,
     }  # fmt: skip
     assert steps["body_roll"][0] == pytest.approx(TILT.size * np.ones(40))
@@ -194,16 +201,16 @@ def test_a_place_that_is_off_lays_bumps_elsewhere():
     """Its zero too: what the rocker feels a metre further on stands for what a step ahead moves."""
     names, ahead = ("path", "rocker_l"), np.zeros((1, 2, 40))
     ahead[0, 1] = 0.3
-    made = tracker_columns([wandering(names)], names, 40, ahead)["moved"][:, 0]
-    assert len(made) == 6
-    assert made[0, 0] == pytest.approx(np.zeros(40), abs=1e-12)
-    assert made[0, 1] == pytest.approx(-0.3 * PLACE.size * np.ones(40))
+    columns = tracker_columns([wandering(names)], names, 40, ahead)["moved"][:, 0]
+    assert len(columns) == 6
+    assert columns[0, 0] == pytest.approx(np.zeros(40), abs=1e-12)
+    assert columns[0, 1] == pytest.approx(-0.3 * PLACE.size * np.ones(40))
 
 
 def test_a_tracker_is_the_further_off_the_longer_it_walks():
     """A random walk: its variance is that of the steps so far, from 1 for the zero to 6 after five steps of 4 s."""
-    made = tracker_columns([wandering(("body_pitch",))], ("body_pitch",), 40, np.zeros((1, 1, 40)))["moved"]
-    variance = np.sum((made[:, 0, 0] / TILT.size) ** 2, axis=0)
+    columns = tracker_columns([wandering(("body_pitch",))], ("body_pitch",), 40, np.zeros((1, 1, 40)))["moved"]
+    variance = np.sum((columns[:, 0, 0] / TILT.size) ** 2, axis=0)
     assert np.all(np.diff(variance) > 0)
     assert variance[0] == pytest.approx(1.0, abs=0.01)
     assert variance[-1] == pytest.approx(6.0, abs=0.2)
@@ -211,8 +218,8 @@ def test_a_tracker_is_the_further_off_the_longer_it_walks():
 
 def test_a_place_that_wanders_evenly_is_a_way_that_is_forgotten():
     """x = v t through a leak of LEAK seconds: v LEAK (1 - exp(-t / LEAK))."""
-    made = tracker_columns([wandering(("path",), seconds=4.0)], ("path",), 8, np.zeros((1, 1, 8)))
-    assert len(made["moved"]) == 1
+    columns = tracker_columns([wandering(("path",), seconds=4.0)], ("path",), 8, np.zeros((1, 1, 8)))
+    assert len(columns["moved"]) == 1
     t = np.arange(0.25, 4.0, 0.5)
     speed = PLACE.size / 3.95
-    assert made["moved"][0, 0, 0] == pytest.approx(speed * LEAK * (1 - np.exp(-t / LEAK)), abs=0.015 * PLACE.size)
+    assert columns["moved"][0, 0, 0] == pytest.approx(speed * LEAK * (1 - np.exp(-t / LEAK)), abs=0.015 * PLACE.size)

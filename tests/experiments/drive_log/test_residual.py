@@ -65,9 +65,9 @@ def term(kind, where, argument, size, unit="N m"):
     return Term(Act(kind, where, unit, ()), argument, ("one", "two"), size, np.eye(len(size)) * 1e-6, 99.0, 20.0, 80.0)
 
 
-def made(one, tmp_path):
+def made(first, tmp_path):
     """The drafted effect, as an object and as its source is read back."""
-    drafted = draft(one, "my draft", WHEELS)
+    drafted = draft(first, "my draft", WHEELS)
     law = SameLaw(drafted.effect, effect_in(drafted.text, tmp_path))
     assert type(law.drafted).__name__ == "MyDraft"
     assert law.drafted.neutral == {"size": 0.0}
@@ -91,41 +91,41 @@ def body(x=0.0, v_x=0.05):
 
 
 def test_a_motor_draft_gives_the_curve_at_its_wheel_alone(tmp_path):
-    one = term(TORQUE, "mr", argument("duty", Polynomial(0.6, 0.2, 2)), [0.01, -0.02, 0.03])
-    effect, curve = made(one, tmp_path), one.curve
+    torque_term = term(TORQUE, "mr", argument("duty", Polynomial(0.6, 0.2, 2)), [0.01, -0.02, 0.03])
+    effect, curve = made(torque_term, tmp_path), torque_term.curve
     got = [float(effect.torque(drive(delta), 0.3, ())) for delta in curve.at]
     assert np.allclose(got, curve.value, atol=1e-6)
     assert float(effect.torque(drive(0.5, wheel=2), 0.3, ())) == 0.0
 
 
 def test_a_draft_of_the_wheel_angle_integrates_the_rate(tmp_path):
-    one = term(TORQUE, "mr", argument("wheel angle since the start", Wave(2 * math.pi), "rad"), [0.03, 0.01])
-    effect, curve = made(one, tmp_path), one.curve
+    torque_term = term(TORQUE, "mr", argument("wheel angle since the start", Wave(2 * math.pi), "rad"), [0.03, 0.01])
+    effect, curve = made(torque_term, tmp_path), torque_term.curve
     assert [state.name for state in effect.states] == ["angle"]
     assert effect.rate(drive(omega=1.3), 0.0, (0.0,)) == (1.3,)
     assert np.allclose([float(effect.torque(drive(), 0.0, (at,))) for at in curve.at], curve.value, atol=1e-5)
-    assert "wheel mr" in one.description
-    assert "the angle of the wheel" in one.description
-    assert "phase 18 deg" in one.description
+    assert "wheel mr" in torque_term.description
+    assert "the angle of the wheel" in torque_term.description
+    assert "phase 18 deg" in torque_term.description
 
 
 def test_a_draft_of_the_duty_adds_to_the_duty(tmp_path):
-    one = term(VOLTAGE, "", argument("time", Polynomial(10.0, 10.0, 1), "s"), [0.01, 0.01], "")
-    effect = made(one, tmp_path)
+    voltage_term = term(VOLTAGE, "", argument("time", Polynomial(10.0, 10.0, 1), "s"), [0.01, 0.01], "")
+    effect = made(voltage_term, tmp_path)
     assert float(effect.amend(drive(0.5), (20.0,)).delta) == pytest.approx(0.52)
     assert effect.rate(drive(), 0.0, (0.0,)) == (1.0,)
 
 
 def test_force_draft_opposes_motion_where_the_curve_says(tmp_path):
-    one = term(FORCE, "", argument("local place", Hats((0.0, 0.1, 0.2)), "m"), [0.0, 0.8, 0.0], "N")
-    effect = made(one, tmp_path)
+    force_term = term(FORCE, "", argument("local place", Hats((0.0, 0.1, 0.2)), "m"), [0.0, 0.8, 0.0], "N")
+    effect = made(force_term, tmp_path)
     assert float(effect.push(body(0.1)).f_x) == pytest.approx(-0.8, rel=0.01)
     assert float(effect.push(body(0.1, -0.05)).f_x) == pytest.approx(0.8, rel=0.01)
     assert float(effect.push(body(0.15)).f_x) == pytest.approx(-0.4, rel=0.01)
     assert float(effect.push(body(0.5)).f_x) == pytest.approx(0.0)
-    assert "+0.8" in one.description
-    assert "x = 0.05..0.15 m" in one.description
-    lean = made(dataclasses.replace(one, act=one.act._replace(kind=LEAN)), tmp_path)
+    assert "+0.8" in force_term.description
+    assert "x = 0.05..0.15 m" in force_term.description
+    lean = made(dataclasses.replace(force_term, act=force_term.act._replace(kind=LEAN)), tmp_path)
     assert float(lean.push(body(0.1, -0.05)).f_x) == pytest.approx(0.8)
 
 
@@ -138,17 +138,19 @@ def test_force_by_time_and_torque_by_slip_act_at_the_contacts(tmp_path):
 
 
 def test_a_grip_draft_changes_the_soil_by_its_share(tmp_path):
-    one = term(GRIP, "", argument("periodic place", Wave(0.4), "m"), [0.12, 0.0], "")
-    changed = made(one, tmp_path).amend(contact(x=0.1), ()).soil
+    grip_term = term(GRIP, "", argument("periodic place", Wave(0.4), "m"), [0.12, 0.0], "")
+    changed = made(grip_term, tmp_path).amend(contact(x=0.1), ()).soil
     assert math.tan(float(changed.phi)) == pytest.approx(1.12 * math.tan(Soil().phi))
-    assert "wavelength 0.40 m" in one.description
-    assert "12 +- 0.1 %" in one.description
+    assert "wavelength 0.40 m" in grip_term.description
+    assert "12 +- 0.1 %" in grip_term.description
 
 
 def test_a_reading_draft_is_a_sensor(tmp_path):
-    one = term(READING, "current_fl_A", argument("its own value", Polynomial(0.0, 1.0, 1), "A"), [0.01, 0.05], "A")
+    reading_term = term(
+        READING, "current_fl_A", argument("its own value", Polynomial(0.0, 1.0, 1), "A"), [0.01, 0.05], "A"
+    )
     t, current = np.linspace(0, 1, 5), np.linspace(0.1, 0.3, 5)
-    read = made(one, tmp_path).read(t, {"current_fl_A": current})["current_fl_A"]
+    read = made(reading_term, tmp_path).read(t, {"current_fl_A": current})["current_fl_A"]
     assert np.allclose(read, 1.05 * current + 0.01)
 
 
@@ -163,8 +165,8 @@ def test_class_of_a_draft_is_none_of_the_names_that_its_file_imports():
 
 def test_drafts_of_two_laws_are_two_classes_to_a_digest_and_a_draft_made_again_is_the_same():
     laws = [term(LEAN, "", argument("nothing", Polynomial(0.0, 1.0, 0)), [size], "N") for size in (0.4, 0.5, 0.4)]
-    first, other, again = (digest(draft(law, "own", WHEELS).effect) for law in laws)
-    assert first != other
+    first, second, again = (digest(draft(law, "own", WHEELS).effect) for law in laws)
+    assert first != second
     assert first == again
 
 
@@ -194,7 +196,9 @@ def drives(hidden, count=3, duration=15.0):
     for run in range(count):
         steps = rng.uniform(0.5, 0.8) + rng.uniform(-0.09, 0.09, (5, 6))
         start = Start(-0.4, 0.0, 0.0) if run % 2 == 0 else Start(0.4, 0.0, math.pi)
-        trace = simulate(true, lambda state, own=steps: own[min(int(state.t / 3), 4)], duration, start, Timing(0.01))
+        trace = simulate(
+            true, lambda state, duty_steps=steps: duty_steps[min(int(state.t / 3), 4)], duration, start, Timing(0.01)
+        )
         log = measure(trace, Sensors(), run, (), with_current=True)
         logs.append(dataclasses.replace(log, attrs={"start": dataclasses.asdict(start), "file": f"run_{run}.csv"}))
     return model, logs
@@ -229,7 +233,7 @@ def test_unlisted_eccentric_wheel_is_described_and_drafted(tmp_path):
     model, logs = drives([kind()])
     model = with_spread(model)
     free = nuisances(DriveLog(Path("test"), LogMetadata("test"), ()), model)
-    free = tuple(one for one in free if one.name.split(".")[0] in ("soil", "motor", "MotionResistance"))
+    free = tuple(entry for entry in free if entry.name.split(".")[0] in ("soil", "motor", "MotionResistance"))
     base = fitted(model, logs, free)
     experiment = base.task.experiment
     remainder = describe(base)
@@ -238,21 +242,21 @@ def test_unlisted_eccentric_wheel_is_described_and_drafted(tmp_path):
     amplitude = np.max(np.abs(remainder.best.curve.value))
     assert amplitude == pytest.approx(0.03, rel=0.25)
 
-    written = tmp_path / "drafted.py"
-    written.write_text(draft_effect(remainder, "eccentric wheel again").text)
+    drafted_file = tmp_path / "drafted.py"
+    drafted_file.write_text(draft_effect(remainder, "eccentric wheel again").text)
     gains, plain = {}, Expansion(base, np.zeros((len(base.rows), 0))).posterior().log_evidence
-    for own in (file, written):
+    for effects_file in (file, drafted_file):
         listed = [
-            one
-            for one in candidates(base.model, experiment, base.parameters, known_effects(own))
-            if one.name.startswith("Eccentric")
+            candidate
+            for candidate in candidates(base.model, experiment, base.parameters, known_effects(effects_file))
+            if candidate.name.startswith("Eccentric")
         ]
-        (gains[own],) = singles(base, signatures(base, listed)) - plain
-    assert gains[written] > 0.9 * gains[file] > 25.0
+        (gains[effects_file],) = singles(base, signatures(base, listed)) - plain
+    assert gains[drafted_file] > 0.9 * gains[file] > 25.0
     assert {channel.name for channel in remainder.channels} == set(experiment.channels)
-    tried = draft_term(base, remainder, "eccentric wheel again", lambda said: None)
+    tried = draft_term(base, remainder, "eccentric wheel again", lambda message: None)
     assert tried.accepted
     assert tried.log_odds > 0.9 * gains[file]
-    whole = scored_draft(tried, base, 0)
-    assert max(one.before / one.after for one in whole.scores) > 1.2
-    assert len(whole.lines()) == 1 + len(experiment.channels)
+    scored = scored_draft(tried, base, 0)
+    assert max(score.before / score.after for score in scored.scores) > 1.2
+    assert len(scored.lines()) == 1 + len(experiment.channels)

@@ -25,12 +25,12 @@ def refused():
     raise AssertionError("made again")
 
 
-def same(one, other):
-    return one.keys() == other.keys() and all(
-        one[name].dtype == other[name].dtype
-        and one[name].shape == other[name].shape
-        and one[name].tobytes() == other[name].tobytes()
-        for name in one
+def same(first, second):
+    return first.keys() == second.keys() and all(
+        first[name].dtype == second[name].dtype
+        and first[name].shape == second[name].shape
+        and first[name].tobytes() == second[name].tobytes()
+        for name in first
     )
 
 
@@ -95,19 +95,19 @@ def test_calibration_and_signatures_are_resumed_without_a_replay(tmp_path, monke
         tried = candidates(base.model, base.task.experiment, base.parameters, known_effects())[:6]
         return base, signatures(base, tried)
 
-    whole, moved = through(Memory())
+    full, shifted = through(Memory())
     first, _ = through(Memory(tmp_path, "key"))
     driven = []
     spread = DriveExperiment._spread_tasks
 
-    def counted(self, how, asked):
-        driven.extend(asked)
-        return spread(self, how, asked)
+    def counted(self, options, requests):
+        driven.extend(requests)
+        return spread(self, options, requests)
 
     monkeypatch.setattr(DriveExperiment, "_spread_tasks", counted)
     base, again = through(Memory(tmp_path, "key"))
     assert len(driven) == 2  # the start, on both runs: of it comes the first noise
-    for one in (whole, first):
-        assert same({"u": one.u, "p": one.predicted, **one.slopes}, {"u": base.u, "p": base.predicted, **base.slopes})
-    assert [one.amplitudes for one in moved] == [one.amplitudes for one in again]
-    assert all(one.shift.tobytes() == other.shift.tobytes() for one, other in zip(moved, again, strict=True))
+    for fit in (full, first):
+        assert same({"u": fit.u, "p": fit.predicted, **fit.slopes}, {"u": base.u, "p": base.predicted, **base.slopes})
+    assert [fit.amplitudes for fit in shifted] == [fit.amplitudes for fit in again]
+    assert all(fit.shift.tobytes() == signature.shift.tobytes() for fit, signature in zip(shifted, again, strict=True))

@@ -16,31 +16,31 @@ from rover_pin.experiments.drive_log.free_runs import free_runs
 T = np.arange(0.0, 12.0, 0.1)
 
 
-def compared(rates, duty=0.5, held=False, t=T):
+def compared(rates, duty=0.5, is_held=False, t=T):
     """The times at which two wheels with these rates, and duties of one sign, are compared."""
-    rows = [np.broadcast_to(each, t.shape).astype(float) for each in rates]
-    run = SimpleNamespace(t=t, duty=np.broadcast_to(np.c_[duty, duty], (len(t), 2)), rate_driven=held)
+    rows = [np.broadcast_to(rate, t.shape).astype(float) for rate in rates]
+    run = SimpleNamespace(t=t, duty=np.broadcast_to(np.c_[duty, duty], (len(t), 2)), rate_driven=is_held)
     return t[comparable_rows(run, rows)]
 
 
 @pytest.mark.parametrize(("rate", "duty"), [(0.19, 0.5), (-0.19, -0.5), (-1.0, 0.5), (1.0, -0.5)])
 def test_standing_or_reversing_rover_is_compared_after_1_5_s(rate, duty):
     """Below 0.2 rad/s in the mean of its wheels, or against its duty; from 4 to 5 s."""
-    usual = math.copysign(1.0, duty)
-    row = np.where((T > 3.95) & (T < 5.05), rate, usual)
-    found = compared([row, row], duty)
-    gap = np.diff(found)
-    assert found[np.argmax(gap)] == pytest.approx(3.9)
-    assert found[np.argmax(gap) + 1] == pytest.approx(6.6)
+    copysign = math.copysign(1.0, duty)
+    row = np.where((T > 3.95) & (T < 5.05), rate, copysign)
+    is_compared = compared([row, row], duty)
+    gap = np.diff(is_compared)
+    assert is_compared[np.argmax(gap)] == pytest.approx(3.9)
+    assert is_compared[np.argmax(gap) + 1] == pytest.approx(6.6)
     assert np.sum(gap > 0.15) == 1
 
 
-@pytest.mark.parametrize(("usual", "slow", "stands"), [(1.0, 0.09, True), (1.0, 0.11, False), (5.0, 0.21, False)])
-def test_held_wheels_stand_below_a_tenth_of_their_fastest_speed(usual, slow, stands):
+@pytest.mark.parametrize(("default", "slow", "stands"), [(1.0, 0.09, True), (1.0, 0.11, False), (5.0, 0.21, False)])
+def test_held_wheels_stand_below_a_tenth_of_their_fastest_speed(default, slow, stands):
     """And never above 0.2 rad/s; a rover that turns on the spot drives."""
-    size = np.where((T > 3.95) & (T < 5.05), slow, usual)
-    found = compared([size, -size], held=True)
-    assert (np.max(np.diff(found)) > 1.5) == stands
+    size = np.where((T > 3.95) & (T < 5.05), slow, default)
+    is_compared = compared([size, -size], is_held=True)
+    assert (np.max(np.diff(is_compared)) > 1.5) == stands
 
 
 # --- what is made of the channels ------------------------------------------------------------------------------------
@@ -52,14 +52,14 @@ def test_path_and_drift_follow_the_heading_and_fade_in_2_s():
     x = (along * math.cos(0.3) - across * math.sin(0.3)) * T
     y = (along * math.sin(0.3) + across * math.cos(0.3)) * T
     vx, vy = np.gradient(x, T), np.gradient(y, T)
-    made = driven_features(
+    features = driven_features(
         {"body_x": x, "body_y": y, "body_yaw": 0.1 * T, "body_vx": vx, "body_vy": vy}, heading, 0.1, np.ones(len(T))
     )
     for name, speed in (("path", along), ("drift", across), ("heading", 0.1)):
         summed = sum(0.1 * speed * math.exp(-0.1 * k / 2.0) for k in range(len(T) - 1))
-        assert made[name][-1] == pytest.approx(summed), name
-        assert made[name][0] == 0.0
-    assert made["speed"] == pytest.approx(np.full(len(T), along))
+        assert features[name][-1] == pytest.approx(summed), name
+        assert features[name][0] == 0.0
+    assert features["speed"] == pytest.approx(np.full(len(T), along))
     assert set(driven_features({"body_yaw": T}, heading, 0.1, np.ones(len(T)))) == {"heading"}
 
 
@@ -78,9 +78,9 @@ def test_a_block_is_compared_where_all_its_rows_are():
     )
     assert np.flatnonzero(~run.usable).tolist() == [5]
     height = np.where(counted, T, 1e3)
-    seen = run.features({"body_z": height})
-    assert seen[0][run.usable].mean() == pytest.approx(0.0, abs=1e-12)
-    assert np.all(seen[1] == 0.0), "what a replay does not tell stays still"
+    features = run.features({"body_z": height})
+    assert features[0][run.usable].mean() == pytest.approx(0.0, abs=1e-12)
+    assert np.all(features[1] == 0.0), "what a replay does not tell stays still"
     assert run.times[:2] == pytest.approx([0.2, 0.7])
 
 
@@ -92,10 +92,10 @@ def patch(begin=1.0, length=0.3):
 
 
 def test_patch_edges_move_both_ways_unless_too_little_remains():
-    found = neighbours(patch(), 0.1)
-    ends = [(one.effect.x_from, one.effect.x_from + one.effect.length) for one in found]
-    assert ends == [pytest.approx(each) for each in ((0.9, 1.3), (1.1, 1.3), (1.0, 1.2), (1.0, 1.4))]
-    assert [one.place for one in found] == ["0.900", "1.100", "1.000", "1.000"]
+    moved_patches = neighbours(patch(), 0.1)
+    ends = [(neighbour.effect.x_from, neighbour.effect.x_from + neighbour.effect.length) for neighbour in moved_patches]
+    assert ends == [pytest.approx(expected) for expected in ((0.9, 1.3), (1.1, 1.3), (1.0, 1.2), (1.0, 1.4))]
+    assert [neighbour.place for neighbour in moved_patches] == ["0.900", "1.100", "1.000", "1.000"]
     assert len(neighbours(patch(length=0.149), 0.1)) == 2
     assert len(neighbours(patch(length=0.151), 0.1)) == 4
     assert neighbours(candidate_of(SupplySag()), 0.1) == []
@@ -115,8 +115,8 @@ def test_a_free_run_strays_by_the_rms_of_its_distance():
         return [SimpleNamespace(channels={"body_x": 0.05 * T + x, "body_y": 0.02 * T + y})]
 
     experiment = SimpleNamespace(runs=(run,), channels=(PATH,), free=SimpleNamespace(replays=replays))
-    (found,) = free_runs(experiment, "before", "after")
-    assert (found.run, found.before, found.after) == ("run-1", pytest.approx(0.5), pytest.approx(0.1))
-    assert found.distance == pytest.approx(math.hypot(0.05, 0.02) * 11.0)
+    (free_run,) = free_runs(experiment, "before", "after")
+    assert (free_run.run, free_run.before, free_run.after) == ("run-1", pytest.approx(0.5), pytest.approx(0.1))
+    assert free_run.distance == pytest.approx(math.hypot(0.05, 0.02) * 11.0)
     experiment.free = SimpleNamespace(replays=lambda model: [SimpleNamespace(channels={})])
     assert math.isnan(free_runs(experiment, "before", "after")[0].before)

@@ -15,13 +15,13 @@ T = 0.05 * np.arange(120)
 COUNT = 12
 
 
-def trace(t=T, held=False, attrs=None, **channels):
+def trace(t=T, is_held=False, attrs=None, **channels):
     """A cart along the heading 0.3 at 50 mm/s, its wheels at 1 rad/s under a duty of 0.5."""
     x, y = 0.05 * (t - t[0]) * math.cos(0.3), 0.05 * (t - t[0]) * math.sin(0.3)
-    usual = {"t_s": t, "body_x": x, "body_y": y, "body_yaw": 0.3 + 0.0 * t, "body_pitch": 0.01 * t, "body_z": 1.0 + t}
-    usual |= {f"wheel_rate_{wheel}": 1.0 + 0.0 * t for wheel in WHEELS} | {"battery_V": 12.0 + 0.0 * t}
-    usual |= {} if held else {f"duty_{wheel}": 0.5 + 0.0 * t for wheel in WHEELS}
-    return Trace({**usual, **channels}, attrs={"start": {"x": 0.0, "y": 0.0, "yaw": 0.3}, **(attrs or {})})
+    default = {"t_s": t, "body_x": x, "body_y": y, "body_yaw": 0.3 + 0.0 * t, "body_pitch": 0.01 * t, "body_z": 1.0 + t}
+    default |= {f"wheel_rate_{wheel}": 1.0 + 0.0 * t for wheel in WHEELS} | {"battery_V": 12.0 + 0.0 * t}
+    default |= {} if is_held else {f"duty_{wheel}": 0.5 + 0.0 * t for wheel in WHEELS}
+    return Trace({**default, **channels}, attrs={"start": {"x": 0.0, "y": 0.0, "yaw": 0.3}, **(attrs or {})})
 
 
 def gap(values, first, last):
@@ -44,8 +44,8 @@ def seen(log, name):
 )  # fmt: skip
 def test_derived_value_is_not_compared_in_a_gap_of_its_channel(channel, blind):
     speeds = {"body_vx": 0.05 + 0.0 * T, "body_vy": 0.0 * T}
-    whole = trace(**speeds)
-    run = logged_run(trace(**{**speeds, channel: gap(whole[channel], 5, 6)}), CART)
+    gapless = trace(**speeds)
+    run = logged_run(trace(**{**speeds, channel: gap(gapless[channel], 5, 6)}), CART)
     for name, row in zip(run.channels, run.observed, strict=True):
         missing = [0, 1, 5, 6] if name in blind else [0, 1]
         assert np.flatnonzero(np.isnan(row)).tolist() == missing, name
@@ -54,10 +54,10 @@ def test_derived_value_is_not_compared_in_a_gap_of_its_channel(channel, blind):
 def test_what_a_replay_is_given_is_not_compared():
     """Held wheels are given their rates, and nothing draws on a battery; ways and speeds go by what is made of them."""
     speeds = {"body_vx": 0.05 + 0.0 * T, "body_vy": 0.0 * T, "body_vz": 0.0 * T, "rocker_l": 0.0 * T}
-    made = ("path", "drift", "heading", "speed", "body_pitch", "body_z", "rocker_l")
-    assert set(logged_run(trace(held=True, **speeds), CART).channels) == set(made)
+    features = ("path", "drift", "heading", "speed", "body_pitch", "body_z", "rocker_l")
+    assert set(logged_run(trace(is_held=True, **speeds), CART).channels) == set(features)
     rates = (f"wheel_rate_{wheel}" for wheel in WHEELS)
-    assert set(logged_run(trace(**speeds), CART).channels) == {*made, *rates, "battery_V"}
+    assert set(logged_run(trace(**speeds), CART).channels) == {*features, *rates, "battery_V"}
     nothing = logged_run(trace(**speeds, bogie_l=np.nan * T), CART)
     assert "bogie_l" not in nothing.channels
 
@@ -68,8 +68,8 @@ def test_the_heading_is_smoothed_over_half_a_second():
     inside = [np.mean(turned[at - 5 : at + 5]) for at in range(10, 110)]
     np.testing.assert_allclose(run.heading[10:110], inside)
     slow = 1.5 * np.arange(30)
-    other = logged_run(trace(slow, body_yaw=0.3 + 0.2 * np.sin(slow)), CART)
-    np.testing.assert_allclose(other.heading, 0.3 + 0.2 * np.sin(slow), err_msg="rows of 1.5 s are their own mean")
+    second = logged_run(trace(slow, body_yaw=0.3 + 0.2 * np.sin(slow)), CART)
+    np.testing.assert_allclose(second.heading, 0.3 + 0.2 * np.sin(slow), err_msg="rows of 1.5 s are their own mean")
     np.testing.assert_allclose(blocks(slow, 1.5), slow)
 
 

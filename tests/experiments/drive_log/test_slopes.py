@@ -24,14 +24,14 @@ FIFTH = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
 
 
 @pytest.fixture(scope="module", params=["climb-1", "flat-steps"])
-def made(request):
+def posed(request):
     log = read_drive_log(data_path("steepening-slope"))
     experiment, model, numbers = experiment_on(log, with_spread(base_model(log)))
     return experiment.alone(request.param), model, [number for number in numbers if number.name in FREE]
 
 
-def test_a_replay_by_the_steps_of_its_own_is_the_same_to_the_bit(made):
-    experiment, model, _ = made
+def test_a_replay_by_the_steps_of_its_own_is_the_same_to_the_bit(posed):
+    experiment, model, _ = posed
     (free,) = experiment.replays(model)
     again = replay(model, experiment.runs[0].commands, rest_state=experiment.rests[0], steps=free.steps)
     assert len(set(free.steps.lengths)) > 1, "steps that never change test nothing"
@@ -40,21 +40,21 @@ def test_a_replay_by_the_steps_of_its_own_is_the_same_to_the_bit(made):
 
 
 @pytest.mark.slow
-def test_slopes_are_those_of_a_difference_of_a_higher_order(made, request):
+def test_slopes_are_those_of_a_difference_of_a_higher_order(posed, request):
     """Each to 2e-4 of its channel's largest, half of the channels to 5e-6; nothing loads the battery."""
-    experiment, model, numbers = made
+    experiment, model, numbers = posed
     if experiment.folds == ("flat-steps",):
         jump = "a replay along the same steps jumps by 1e-7 of its loads at some theta_1"
         request.applymarker(pytest.mark.xfail(strict=True, reason=jump))
     u, h = np.array([number.u(experiment.value(model, number.name)) for number in numbers]), 2e-5
     slopes = slopes_at(experiment, model, numbers, u)
-    for number, here, slope in zip(numbers, u, slopes, strict=True):
-        around = [experiment.with_values(model, {number.name: number.value(here + k * h)}) for k in FIFTH]
+    for number, at_point, slope in zip(numbers, u, slopes, strict=True):
+        around = [experiment.with_values(model, {number.name: number.value(at_point + k * h)}) for k in FIFTH]
         features = experiment.predict_near([model, *around])[1:]
         reference = sum(weight * feature for weight, feature in zip(FIFTH.values(), features, strict=True)) / h
         off, size = (np.abs(rows).max(axis=(0, 2)) for rows in (slope - reference, reference))
-        seen = np.array(experiment.channels) != "battery_V"
-        share = off[seen] / size[seen]
+        observed = np.array(experiment.channels) != "battery_V"
+        share = off[observed] / size[observed]
         assert np.median(share) < 5e-6, number.name
         assert share.max() < 2e-4, number.name
 
@@ -64,12 +64,16 @@ def test_the_edges_of_a_patch_are_found(tmp_path):
     hidden = HardPatch(g=1.5, g_k=1.0, dphi=math.radians(4), x_from=0.12, length=0.2)
     log = read_drive_log(drive_sets.write(tmp_path, [hidden]))
     base = drive_sets.calibrated_on(log, with_spread(base_model(log)))
-    known = candidates(base.model, base.task.experiment, base.parameters, None)
-    (patch,) = options(base, signatures(base, [one for one in known if one.kind == "HardPatch"]))
-    found = place_edges(base, patch)
-    effect = found.candidate.effect
-    assert singles(base, [found])[0] > singles(base, [patch.signature])[0]
+    candidate_list = candidates(base.model, base.task.experiment, base.parameters, None)
+    (patch,) = options(
+        base, signatures(base, [candidate for candidate in candidate_list if candidate.kind == "HardPatch"])
+    )
+    edges = place_edges(base, patch)
+    effect = edges.candidate.effect
+    assert singles(base, [edges])[0] > singles(base, [patch.signature])[0]
     assert effect.x_from == pytest.approx(0.12, abs=0.03)
     assert effect.x_from + effect.length == pytest.approx(0.32, abs=0.03)
-    (sag,) = options(base, signatures(base, [next(one for one in known if one.effect == SupplySag())]))
+    (sag,) = options(
+        base, signatures(base, [next(candidate for candidate in candidate_list if candidate.effect == SupplySag())])
+    )
     assert place_edges(base, sag) is sag.signature

@@ -24,8 +24,10 @@ def declaring(**noise):
 
 
 def test_declared_noise_is_read_in_its_unit_for_every_kind():
-    said = declaring(wheel_rate=0.01, angle={"value": 1.0, "unit": "deg"}, body_position={"value": 2.0, "unit": "mm"})
-    assert said.noise_sd == {"wheel_rate": 0.01, "angle": pytest.approx(math.pi / 180), "body_position": 2e-3}
+    declared_text = declaring(
+        wheel_rate=0.01, angle={"value": 1.0, "unit": "deg"}, body_position={"value": 2.0, "unit": "mm"}
+    )
+    assert declared_text.noise_sd == {"wheel_rate": 0.01, "angle": pytest.approx(math.pi / 180), "body_position": 2e-3}
     kinds = {
         "wheel_rate_fl": "wheel_rate", "rocker_l": "angle", "bogie_r": "angle", "current_fl_A": "current",
         "body_x": "body_position", "body_yaw": "body_attitude", "body_y": "body_position", "body_vy": "body_velocity",
@@ -53,8 +55,8 @@ def test_floor_is_the_declared_noise_if_it_exceeds_the_scatter():
     rover = load_rover("nexus6")
     runs = [logged_run(run, rover) for run in log_of(*GOOD).runs]
     plain, wide, small = (
-        DriveExperiment(tuple(runs), (None,) * 3, noise_sd=said).floor()
-        for said in ({}, {"wheel_rate": 1.0, "sample_period": 0.04}, {"wheel_rate": 1e-6})
+        DriveExperiment(tuple(runs), (None,) * 3, noise_sd=stated_noise).floor()
+        for stated_noise in ({}, {"wheel_rate": 1.0, "sample_period": 0.04}, {"wheel_rate": 1e-6})
     )
     rate = [name.startswith("wheel_rate") for name in runs[0].channels]
     assert wide[rate] == pytest.approx(math.sqrt(0.04 / 0.5))
@@ -64,7 +66,7 @@ def test_floor_is_the_declared_noise_if_it_exceeds_the_scatter():
 
 def test_noise_declared_too_small_is_reported_and_correct_is_not():
     def said(noise):
-        return [str(each) for each in findings(log_of(*GOOD, noise=noise)) if "[noise]" in str(each)]
+        return [str(finding) for finding in findings(log_of(*GOOD, noise=noise)) if "[noise]" in str(finding)]
 
     assert said({"wheel_rate": 0.01, "body_attitude": 0.005, "body_position": 0.0015, "battery": 0.01}) == []
     (line,) = said({"battery": 0.001})
@@ -96,14 +98,14 @@ def test_it_is_the_sd_of_a_blocks_mean(rho):
     true = noise.reshape(-1, length).mean(axis=1).std()
     t = PERIOD * np.arange(SAMPLES)
     for slow in (0.0, 20 * t, 50 * np.sin(0.05 * t)):
-        (found,) = scatter([run(noise + slow)], ["one"])
-        assert found == pytest.approx(true, rel=0.2)
+        (sd,) = scatter([run(noise + slow)], ["one"])
+        assert sd == pytest.approx(true, rel=0.2)
 
 
 def test_a_misfit_is_not_noise():
     """What a model leaves in half-second means, a tilt of the ground say, is far above the floor."""
     t = PERIOD * np.arange(SAMPLES)
     bent, noise = 0.02 * np.sin(2 * np.pi * t / 12.0), 1e-3 * coloured(0.0)
-    (found,) = scatter([run(bent + noise)], ["one"])
-    assert found == pytest.approx(1e-3 / np.sqrt(BLOCK / PERIOD), rel=0.3)
-    assert found < 0.02 * np.std(bent)
+    (sd,) = scatter([run(bent + noise)], ["one"])
+    assert sd == pytest.approx(1e-3 / np.sqrt(BLOCK / PERIOD), rel=0.3)
+    assert sd < 0.02 * np.std(bent)

@@ -25,8 +25,8 @@ def folder(tmp_path_factory):
 def declaring(folder, text):
     """Return the log with this table of its tracker."""
     file = folder / "drive.toml"
-    rest = re.sub(r"\[tracker\][^\[]*", "", file.read_text(encoding="utf-8"))
-    file.write_text(rest.replace("[soil]", f"[tracker]\n{text}\n[soil]", 1), encoding="utf-8")
+    without_tracker = re.sub(r"\[tracker\][^\[]*", "", file.read_text(encoding="utf-8"))
+    file.write_text(without_tracker.replace("[soil]", f"[tracker]\n{text}\n[soil]", 1), encoding="utf-8")
     return read_drive_log(folder)
 
 
@@ -45,10 +45,14 @@ def test_a_tracked_point_is_as_uncertain_as_the_log_declares(folder):
     model = base_model(log)
     (point,) = [effect for effect in model.sensor_effects if isinstance(effect, TrackedPoint)]
     assert (point.x, point.y) == (pytest.approx(0.2), 0.1)
-    (number,) = [each for each in nuisances(log, with_spread(model)) if each.name.startswith("TrackedPoint")]
+    (number,) = [
+        parameter for parameter in nuisances(log, with_spread(model)) if parameter.name.startswith("TrackedPoint")
+    ]
     assert (number.name, number.origin, number.scale) == ("TrackedPoint.x", pytest.approx(0.2), pytest.approx(0.05))
     assert (number.declared, number.source) == (True, "declared in [tracker]")
-    assert "TrackedPoint.y" not in {each.name for each in nuisances(declaring(folder, "x = 0.2\n"), with_spread(model))}
+    assert "TrackedPoint.y" not in {
+        parameter.name for parameter in nuisances(declaring(folder, "x = 0.2\n"), with_spread(model))
+    }
 
 
 def test_a_key_that_no_tracker_has_is_refused(folder):

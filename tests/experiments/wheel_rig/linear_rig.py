@@ -42,17 +42,20 @@ class LinearRig(RigExperiment):
     free: tuple = FREE
 
     def uncertain(self, model):
-        return tuple(one for one in super().uncertain(model) if one.name in self.free)
+        return tuple(parameter for parameter in super().uncertain(model) if parameter.name in self.free)
 
     def sensitivities(self, model, parameters, u):
-        values = {one.name: one.value(x) for one, x in zip(parameters, u, strict=True)}
+        values = {parameter.name: parameter.value(x) for parameter, x in zip(parameters, u, strict=True)}
         rows = np.zeros(2 * RUNS)
         for name, law in self.laws.items():
             if name.rpartition(".")[0] in model.records:
                 rows += law.slope * law.parameter.u(values.get(name, self.value(model, name)))
-        known = [(self.laws.get(one.name), one.slope(x), one.value(x)) for one, x in zip(parameters, u, strict=True)]
+        is_known = [
+            (self.laws.get(parameter.name), parameter.slope(x), parameter.value(x))
+            for parameter, x in zip(parameters, u, strict=True)
+        ]
         none, table = np.zeros(2 * RUNS), self.runs["linear"].table
-        slopes = np.array([none if law is None else law.slope * s / law.per_u(x) for law, s, x in known])
+        slopes = np.array([none if law is None else law.slope * s / law.per_u(x) for law, s, x in is_known])
         return Sensitivities(table(in_units(rows, (0.0, DEPTH))), table(in_units(slopes.reshape(-1, 2 * RUNS))))
 
 
@@ -64,8 +67,12 @@ def in_units(rows, at=(0.0, 0.0)):
 
 def law_of(name, slope):
     """Return the law of an uncertain number of the model, zero at the value that it has there."""
-    (one,) = [one for one in RigExperiment((rig_set(np.zeros(2 * RUNS)),)).uncertain(MODEL) if one.name == name]
-    return Law(one, slope)
+    (parameter,) = [
+        parameter
+        for parameter in RigExperiment((rig_set(np.zeros(2 * RUNS)),)).uncertain(MODEL)
+        if parameter.name == name
+    ]
+    return Law(parameter, slope)
 
 
 def slip():

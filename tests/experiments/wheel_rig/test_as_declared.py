@@ -61,7 +61,7 @@ def blind(rig, holes):
     sds = [np.where(channel.has_value, channel.sd, 1e7 * channel.sd) for channel in holes.channels]
     pairs = zip(holes.channels, full, sds, strict=True)
     return RigSet(
-        rig.wheel, rig.slip, rig.load, tuple(type(one)(values, sd) for one, values, sd in pairs),
+        rig.wheel, rig.slip, rig.load, tuple(type(channel)(values, sd) for channel, values, sd in pairs),
         declared=rig.declared, levels=rig.levels,
     )  # fmt: skip
 
@@ -70,9 +70,9 @@ def test_missing_cell_has_no_weight_and_its_row_keeps_others(plain, tmp_path):
     holes = read_rig_set(changed(plain, tmp_path / "holes", points=with_holes))
     worthless = blind(read_rig_set(plain), holes)
     channels = identify(holes).channels
-    assert [one.points for one in channels] == [int(channel.has_value.sum()) for channel in holes.channels]
-    own, other = fitted(holes), fitted(worthless)
-    assert own.u == pytest.approx(other.u, abs=1e-4)
+    assert [channel.points for channel in channels] == [int(channel.has_value.sum()) for channel in holes.channels]
+    fitted_value, with_worthless = fitted(holes), fitted(worthless)
+    assert fitted_value.u == pytest.approx(with_worthless.u, abs=1e-4)
 
 
 @pytest.mark.slow
@@ -80,9 +80,9 @@ def test_the_loop_goes_through_a_set_with_missing_cells(plain, tmp_path):
     folder = changed(plain, tmp_path / "holes", points=with_holes)
     verdict = close_the_loop(folder, out=tmp_path / "out")
     assert verdict.answer.value == "no effect needed"
-    first = next(one for one in verdict.scores if one.name == "sinkage").levels[0]
+    first = next(score for score in verdict.scores if score.name == "sinkage").levels[0]
     assert math.isnan(first.before), "a level without sinkage has no error of it"
-    assert all(0.7 < one.rms < 1.4 for one in verdict.extra.after.residuals)
+    assert all(0.7 < residual.rms < 1.4 for residual in verdict.extra.after.residuals)
     page = (tmp_path / "out" / "report.html").read_text()
     assert "runs have no sinkage" in page
     assert ">nan" not in page
@@ -106,21 +106,23 @@ def test_a_slope_is_the_load_across_and_the_pull_along_it(plain, tmp_path):
 
     rig = read_rig_set(changed(plain, tmp_path / "slope", told_so, uphill))
     assert rig.load == pytest.approx(flat.load)
-    pull, own = (next(one for one in each.channels if isinstance(one, DrawbarPull)) for each in (flat, rig))
-    assert own.measured == pytest.approx(pull.measured)
-    assert own.sd == pytest.approx(flat.load * math.radians(0.5))
+    pull, learnt = (
+        next(channel for channel in run.channels if isinstance(channel, DrawbarPull)) for run in (flat, rig)
+    )
+    assert learnt.measured == pytest.approx(pull.measured)
+    assert learnt.sd == pytest.approx(flat.load * math.radians(0.5))
 
 
 @pytest.mark.parametrize(
-    ("points", "said"),
+    ("points", "message"),
     [
         (lambda table: table.assign(slope_rad=0.1), "slope_rad replaces drawbar_pull_N; leave one of the two"),
         (lambda table: uphill(table).assign(slope_rad=20.0), "slope_rad reaches 20; give radians, positive uphill"),
         (lambda table: uphill(table).rename(columns={"slope_rad": "slope_deg"}), "'slope_deg' is not read"),
     ],
 )
-def test_what_is_no_slope_is_refused(plain, tmp_path, points, said):
-    with pytest.raises(DataError, match=said):
+def test_what_is_no_slope_is_refused(plain, tmp_path, points, message):
+    with pytest.raises(DataError, match=message):
         read_rig_set(changed(plain, tmp_path / "bad", points=points))
 
 
@@ -170,7 +172,7 @@ def declared(text, wheel="", soil=""):
 def test_what_is_declared_presets_the_effects_that_have_it(plain, tmp_path):
     data = read_rig_set(changed(plain, tmp_path / "lugs", lambda text: declared(text, LUGS, SAND)))
     model = RigModel(data.wheel, data.soil())
-    tried = {one.kind: one for one in candidates(RigExperiment((data,)), model, rig_kinds())}
+    tried = {candidate.kind: candidate for candidate in candidates(RigExperiment((data,)), model, rig_kinds())}
     way = 2 * math.pi * (data.wheel.r + 0.0025)
     lugs = tried["LugExcavation"]
     assert lugs.effect.values() == pytest.approx({**LugExcavation().values(), "h_l": 0.005, "filled": 1 - 0.072 / way})
@@ -181,10 +183,10 @@ def test_what_is_declared_presets_the_effects_that_have_it(plain, tmp_path):
     assert "Bulldozing.gamma" not in heap.shapes, "a measured density is held"
     assert tried["FlankPressure"].effect.phi_f == pytest.approx(math.radians(29.0))
     assert "FlankPressure.phi_f" in tried["FlankPressure"].shapes, "an angle of repose is where a fit starts"
-    said = describe_declared(data, [one.effect for one in tried.values()])
-    assert any(line.startswith("bulk_density ") and "Bulldozing.gamma" in line for line in said)
-    assert any("lug_height" in line and "LugExcavation.h_l" in line for line in said)
-    assert not any("not used" in line for line in said)
+    description = describe_declared(data, [candidate.effect for candidate in tried.values()])
+    assert any(line.startswith("bulk_density ") and "Bulldozing.gamma" in line for line in description)
+    assert any("lug_height" in line and "LugExcavation.h_l" in line for line in description)
+    assert not any("not used" in line for line in description)
     first = describe_declared(data, [ExitAngle()])[0]
     assert first.startswith("lug_height")
     assert "not used" in first
@@ -196,9 +198,9 @@ def test_a_wheel_that_is_said_to_be_smooth_has_no_lugs(plain, tmp_path):
 
     data = read_rig_set(changed(plain, tmp_path / "smooth", smooth))
     model = RigModel(data.wheel, data.soil())
-    kinds = {one.kind for one in candidates(RigExperiment((data,)), model, rig_kinds())}
+    kinds = {candidate.kind for candidate in candidates(RigExperiment((data,)), model, rig_kinds())}
     undeclared = read_rig_set(plain)
-    every = {one.kind for one in candidates(RigExperiment((undeclared,)), model, rig_kinds())}
+    every = {candidate.kind for candidate in candidates(RigExperiment((undeclared,)), model, rig_kinds())}
     assert every - kinds == {"LugExcavation", "LugGrip", "Grousers"}
 
 
@@ -208,8 +210,10 @@ def test_friction_is_held_against_the_angle_of_repose(plain, tmp_path, high, say
     sand = 'angle_of_repose = { value = 29.0, unit = "deg" }\n'
     data = read_rig_set(changed(plain, tmp_path / "sand", lambda text: declared(text, soil=sand)))
     number = Number("soil.phi", "rad", *np.radians([26.0, 24.0, high]), math.nan)
-    told = [flag for flag in flags(data, data.soil(), 0.06, (number,)) if flag.independent.high > flag.independent.low]
-    assert [flag.says.value for flag in told] == [says]
+    contradictions = [
+        flag for flag in flags(data, data.soil(), 0.06, (number,)) if flag.independent.high > flag.independent.low
+    ]
+    assert [flag.says.value for flag in contradictions] == [says]
 
 
 @pytest.mark.parametrize("stiffness", ["k_1 = 9e4", "k_phi = 1.5e6\nk_c = 0.0"])
@@ -233,12 +237,12 @@ def test_wheel_with_declared_lugs_has_a_trench_from_the_start(tmp_path):
     told_lugs = changed(folder, tmp_path / "lugs", lambda text: declared(text, "lug_height = 0.005\n"))
     verdict = close_the_loop(told_lugs)
     assert verdict.named == ("RateDependence",)
-    numbers = {one.name: one for one in verdict.after.numbers}
+    numbers = {number.name: number for number in verdict.after.numbers}
     height = numbers["LugExcavation.h_l"]
     assert height.prior == "0.005 +- 0.0015"
     assert height.low < 0.006 < height.high
     assert any("LugExcavation.h_l = 5 mm" in line for line in verdict.extra.declared)
-    before = {type(one).__name__ for one in verdict.before.model.effects}
+    before = {type(effect).__name__ for effect in verdict.before.model.effects}
     assert before == {"SoilTraction", "LugExcavation"}
 
 
@@ -264,7 +268,7 @@ def test_a_radius_over_the_lugs_is_read_as_the_rims(plain, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("wheel", "soil", "said"),
+    ("wheel", "soil", "message"),
     [
         ("lug_hight = 0.005\n", "", "no key 'lug_hight' in .wheel.: did you mean 'lug_height'"),
         ("lug_height = { value = 5.0, unit = 'm' }\n", "", "lug_height = 5 m lies outside 0 to 1 m; check its unit"),
@@ -275,8 +279,8 @@ def test_a_radius_over_the_lugs_is_read_as_the_rims(plain, tmp_path):
         ("", "angle_of_repose = 29.0\n", "angle_of_repose = 29 rad lies outside 0 to 1.047 rad; check its unit"),
     ],
 )
-def test_what_cannot_be_lugs_or_sand_is_refused(plain, tmp_path, wheel, soil, said):
-    with pytest.raises(DataError, match=said):
+def test_what_cannot_be_lugs_or_sand_is_refused(plain, tmp_path, wheel, soil, message):
+    with pytest.raises(DataError, match=message):
         read_rig_set(changed(plain, tmp_path / "bad", lambda text: declared(text, wheel, soil)))
 
 
@@ -289,17 +293,17 @@ def test_a_soil_constant_with_an_sd_is_a_prior_of_the_loops_fits(plain, tmp_path
     value = free + math.radians(5.0)
     ends = {}
     for sd in (1e-5, 10.0):
-        said = f"phi = {{ value = {value}, sd = {sd} }}\nexit_ratio = {{ value = 0.2, sd = 1e-6 }}\n"
+        prior_lines = f"phi = {{ value = {value}, sd = {sd} }}\nexit_ratio = {{ value = 0.2, sd = 1e-6 }}\n"
 
-        def keep(text, said=said):
+        def keep(text, message=prior_lines):
             return "\n".join(line for line in text.splitlines() if not line.startswith(("phi", "exit_ratio"))).replace(
-                "[soil]", f"[soil]\n{said}"
+                "[soil]", f"[soil]\n{message}"
             )
 
         data = read_rig_set(changed(plain, tmp_path / f"sd-{sd}", keep))
-        found = fitted(data)
-        ends[sd] = found.value("soil.phi")
-        assert found.value("soil.exit_ratio") == pytest.approx(0.2, abs=1e-4)
-        assert [one.name for one in found.parameters].count("soil.phi") == 1
+        posterior_fit = fitted(data)
+        ends[sd] = posterior_fit.value("soil.phi")
+        assert posterior_fit.value("soil.exit_ratio") == pytest.approx(0.2, abs=1e-4)
+        assert [parameter.name for parameter in posterior_fit.parameters].count("soil.phi") == 1
     assert ends[1e-5] == pytest.approx(value, abs=1e-4)
     assert abs(ends[10.0] - free) < math.radians(1.5)

@@ -42,7 +42,7 @@ def explored(folder):
     """The data's own fit of the base model, and what else was made of it."""
     data = read_rig_set(folder)
     question = RigData(RigExperiment((data,)), RigModel(data.wheel, data.soil())).question(known_effects())
-    explorer = explorer_of(question, lambda said: None)
+    explorer = explorer_of(question, lambda message: None)
     (plain, *_) = explorer.fitted[frozenset()]
     assert plain.errors.discrepancy is Discrepancy.NONE
     return plain, explorer
@@ -51,7 +51,7 @@ def explored(folder):
 def scales(hypothesis, letter):
     """Scales of one kind, by channel: pull, torque, sinkage."""
     rows = zip(hypothesis.errors.scales, np.exp(hypothesis.posterior.scales), strict=True)
-    return np.array([scale for (own, _), scale in rows if own == letter])
+    return np.array([scale for (bed, _), scale in rows if bed == letter])
 
 
 def test_beds_prepared_anew_scatter_the_sinkage_of_levels(tmp_path):

@@ -38,14 +38,14 @@ def fitted(folder):
 
 
 def test_a_tare_and_a_zero_are_found_beside_the_soil(folder, tmp_path):
-    told = tmp_path / "told"
-    told.mkdir()
-    (told / "points.csv").write_text((folder / "points.csv").read_text())
-    (told / "rig.toml").write_text((folder / "rig.toml").read_text() + STATED)
-    without, with_errors = fitted(folder), fitted(told)
+    rig_folder = tmp_path / "told"
+    rig_folder.mkdir()
+    (rig_folder / "points.csv").write_text((folder / "points.csv").read_text())
+    (rig_folder / "rig.toml").write_text((folder / "rig.toml").read_text() + STATED)
+    without, with_errors = fitted(folder), fitted(rig_folder)
     assert with_errors.value("rig.torque_tare") == pytest.approx(TARE, abs=0.01)
     assert with_errors.value("rig.sinkage_zero") == pytest.approx(ZERO, abs=2e-4)
-    left, before = (np.sqrt(np.nanmean(one.residual**2, axis=(0, 2))) / SD for one in (with_errors, without))
+    left, before = (np.sqrt(np.nanmean(fit.residual**2, axis=(0, 2))) / SD for fit in (with_errors, without))
     assert np.all(left < 1.2), "the noise alone, in SDs of pull, torque and sinkage"
     assert before.max() > 1.5
     assert np.abs(without.u).max() > 3.0, "a constant of the soil pays for the rig"
@@ -56,7 +56,7 @@ def test_a_tare_and_a_zero_are_found_beside_the_soil(folder, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("factor", "seed"),
-    [(1.12, 0), *(pytest.param(*each, marks=pytest.mark.nightly) for each in [(1.15, 1), (0.88, 2)])],
+    [(1.12, 0), *(pytest.param(*case, marks=pytest.mark.nightly) for case in [(1.15, 1), (0.88, 2)])],
 )
 def test_a_hidden_scale_of_torque_is_told_as_such(tmp_path, factor, seed):
     """Nobody states it; the effects of soil that could stand for it are less probable."""
@@ -86,15 +86,15 @@ def test_a_scale_of_sinkage_that_the_soil_could_pay_is_doubted(tmp_path, factor)
 def test_a_radius_that_is_not_sure_is_fitted_within_its_range(tmp_path):
     """Told over the lugs, 3 mm too much: it moves towards the true one, and not beyond what is allowed."""
     rig = hidden.Rig("none")
-    told = hidden.write(tmp_path / "radius", rig, hidden.rig_set(rig, loads=(15.0, 40.0)))
-    text = (told / "rig.toml").read_text()
+    rig_folder = hidden.write(tmp_path / "radius", rig, hidden.rig_set(rig, loads=(15.0, 40.0)))
+    text = (rig_folder / "rig.toml").read_text()
     assert f"r = {{ value = {rig.r}" in text
     low, high = rig.r + 0.001, rig.r + 0.004
-    said = f"r = {{ value = {rig.r + 0.003}, sd = 0.003, low = {low}, high = {high}"
-    (told / "rig.toml").write_text(text.replace(f"r = {{ value = {rig.r}", said))
-    found = fitted(told)
-    assert low - 1e-12 <= found.value("wheel.r") < rig.r + 0.003
-    assert [one.name for one in found.parameters if one.name.startswith("wheel.")] == ["wheel.r"]
+    radius_line = f"r = {{ value = {rig.r + 0.003}, sd = 0.003, low = {low}, high = {high}"
+    (rig_folder / "rig.toml").write_text(text.replace(f"r = {{ value = {rig.r}", radius_line))
+    radius_fit = fitted(rig_folder)
+    assert low - 1e-12 <= radius_fit.value("wheel.r") < rig.r + 0.003
+    assert [parameter.name for parameter in radius_fit.parameters if parameter.name.startswith("wheel.")] == ["wheel.r"]
 
 
 def test_readings_are_those_of_the_true_load_scaled_and_shifted():
@@ -112,7 +112,7 @@ def test_readings_are_those_of_the_true_load_scaled_and_shifted():
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "message"),
     [
         ("torque_taer = { value = 0.1 }", "no key 'torque_taer' in .rig.: did you mean 'torque_tare'"),
         ("torque_tare = { value = 0.1, unit = 'mm' }", "unit 'mm' does not measure what is asked for"),
@@ -120,8 +120,8 @@ def test_readings_are_those_of_the_true_load_scaled_and_shifted():
         ("pull_tare = { value = 0.0, sd = -1.0 }", "the sd of 'pull_tare' is -1.0: give a positive number"),
     ],
 )
-def test_what_cannot_be_an_error_of_a_rig_is_refused(folder, tmp_path, line, said):
+def test_what_cannot_be_an_error_of_a_rig_is_refused(folder, tmp_path, line, message):
     (tmp_path / "points.csv").write_text((folder / "points.csv").read_text())
     (tmp_path / "rig.toml").write_text((folder / "rig.toml").read_text() + f"\n[rig]\n{line}\n")
-    with pytest.raises(DataError, match=said):
+    with pytest.raises(DataError, match=message):
         read_rig_set(tmp_path)

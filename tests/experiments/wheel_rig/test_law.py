@@ -28,17 +28,19 @@ def test_newtons_method_ends_where_more_steps_end(name, monkeypatch):
     model = RigModel(WHEEL, SOIL, (*PAPER, *([KINDS[name]()] if name else [])))
     short = predictor(model, ("phi", "k", "k_1"), RUNS)(model.vector())
     monkeypatch.setattr(rig, "STEP_TOLERANCE", 0.0)
-    whole = predictor(model, ("phi", "k", "k_1"), RUNS)(model.vector())
+    converged = predictor(model, ("phi", "k", "k_1"), RUNS)(model.vector())
     assert np.abs(short.error).max() < 1e-10
-    for own, full in ((short.values, whole.values), (short.jacobian, whole.jacobian)):
-        assert own == pytest.approx(full, rel=1e-8, abs=1e-9 * np.abs(full).max())
+    for short_step, full in ((short.values, converged.values), (short.jacobian, converged.jacobian)):
+        assert short_step == pytest.approx(full, rel=1e-8, abs=1e-9 * np.abs(full).max())
 
 
 @pytest.mark.parametrize("k_1", np.logspace(5.0, 9.0, 9))
 def test_hole_lowers_a_wheel_by_its_depth_on_any_ground(k_1):
     """On firm ground the wheel stands deep in its hole and hardly in its floor, as one without a hole does."""
     soil, hole = SOIL.replace(k_1=k_1), DiggingMemory(c_d=0.18, length=1.0, deepest=0.4)
-    without, dug = (RigModel(WHEEL, soil, (*PAPER, *own)).predict(*RUNS[:, :2].T).sinkage for own in ((), (hole,)))
+    without, dug = (
+        RigModel(WHEEL, soil, (*PAPER, *effects)).predict(*RUNS[:, :2].T).sinkage for effects in ((), (hole,))
+    )
     slip, rim = np.fmax(RUNS[:, 1], 0.0), hole.deepest * WHEEL.r
     q = hole.c_d * hole.length * slip / (1 - slip) * np.fmin(without / TOUCH, 1.0)
     assert dug == pytest.approx(without + rim * q / (rim + q), rel=2e-6)

@@ -39,14 +39,14 @@ def test_it_predicts_what_the_plain_generator_measures(effect):
     model = RigModel(Wheel(rig.r, rig.b), soil)
     if effect != "none":
         kind = next(kind for kind in effect_kinds() if kind.__name__ == hidden.IS[effect])
-        one = default_effect(kind, model)
-        model = model.having(one.replace(**{next(iter(one.neutral)): rig.size}))
+        effect_tried = default_effect(kind, model)
+        model = model.having(effect_tried.replace(**{next(iter(effect_tried.neutral)): rig.size}))
     slip = np.array([-0.2, 0.0, 0.2, 0.6])
     rows = np.array([rig.run(25.0, S) for S in slip])
-    found = model.predict(25.0, slip, np.column_stack([np.full(4, 0.02), rows[:, 3]]))
-    np.testing.assert_allclose(found.drawbar_pull, rows[:, 0], atol=2e-3)
-    np.testing.assert_allclose(found.torque, rows[:, 1], atol=2e-4)
-    np.testing.assert_allclose(found.sinkage, rows[:, 2], rtol=1e-4)
+    prediction = model.predict(25.0, slip, np.column_stack([np.full(4, 0.02), rows[:, 3]]))
+    np.testing.assert_allclose(prediction.drawbar_pull, rows[:, 0], atol=2e-3)
+    np.testing.assert_allclose(prediction.torque, rows[:, 1], atol=2e-4)
+    np.testing.assert_allclose(prediction.sinkage, rows[:, 2], rtol=1e-4)
 
 
 @pytest.mark.parametrize("kind", rig_kinds(), ids=lambda kind: kind.__name__)
@@ -90,44 +90,44 @@ def test_a_model_file_gives_the_same_numbers_back(tmp_path):
 
 @pytest.mark.slow
 def test_a_hidden_effect_is_named_with_its_size_and_reported(tmp_path):
-    said = []
+    messages = []
     path = folder(tmp_path, "slip_sinkage", nominal=hidden.WRONG)
-    verdict = close_the_loop(path, out=tmp_path / "out", progress=said.append)
+    verdict = close_the_loop(path, out=tmp_path / "out", progress=messages.append)
     assert verdict.answer is Answer.NAMED
     assert [type(effect) for effect in verdict.effects] == [SlipSinkage]
-    found = next(one for one in verdict.after.numbers if one.name == "SlipSinkage.n_1")
-    assert found.low <= 0.6 <= found.high
-    assert verdict.effects[0].n_1 == found.value
+    number = next(entry for entry in verdict.after.numbers if entry.name == "SlipSinkage.n_1")
+    assert number.low <= 0.6 <= number.high
+    assert verdict.effects[0].n_1 == number.value
     for score in verdict.scores:
         assert score.after < 1.3 * score.floor
     assert next(score for score in verdict.scores if score.name == "sinkage").claim == "better"
-    kept = json.loads((tmp_path / "out" / "verdict.json").read_text())
-    assert kept["effects"] == ["SlipSinkage"]
-    assert kept["schema"] == 3
-    assert kept["posterior"]["tried"] == verdict.tried > 15
-    assert kept["posterior"]["inclusion"]["SlipSinkage"] > 0.95
-    assert kept["posterior"]["sets"][0]["causes"] == ["SlipSinkage"]
-    assert sum(one["probability"] for one in kept["posterior"]["sets"]) == pytest.approx(1.0, abs=0.05)
-    assert kept["command"].startswith("rover-pin close-loop")
+    document = json.loads((tmp_path / "out" / "verdict.json").read_text())
+    assert document["effects"] == ["SlipSinkage"]
+    assert document["schema"] == 3
+    assert document["posterior"]["tried"] == verdict.tried > 15
+    assert document["posterior"]["inclusion"]["SlipSinkage"] > 0.95
+    assert document["posterior"]["sets"][0]["causes"] == ["SlipSinkage"]
+    assert sum(entry["probability"] for entry in document["posterior"]["sets"]) == pytest.approx(1.0, abs=0.05)
+    assert document["command"].startswith("rover-pin close-loop")
     page = (tmp_path / "out" / "report.html").read_text()
     assert "(slip-sinkage): n_1 = " in re.search("<h1>(.*?)</h1>", page).group(1)
     assert page.count('<svg role="img"') == sum(file.suffix == ".png" for file in verdict.files)
     assert "No channel got worse" in page
     assert verdict.chosen_again == "SlipSinkage chosen in 7 of 7 folds"
-    assert set(kept["folds"].values()) == {"SlipSinkage"}
-    sunk = next(one for one in kept["held_out"] if one["name"] == "sinkage")
-    assert [one["level"] for one in sunk["levels"]] == list(kept["folds"])
-    assert np.mean([one["after"] ** 2 for one in sunk["levels"]]) == pytest.approx(sunk["after"] ** 2)
-    profile = next(one for one in kept["profiles"] if one["name"] == "SlipSinkage.n_1")
+    assert set(document["folds"].values()) == {"SlipSinkage"}
+    sunk = next(entry for entry in document["held_out"] if entry["name"] == "sinkage")
+    assert [entry["level"] for entry in sunk["levels"]] == list(document["folds"])
+    assert np.mean([entry["after"] ** 2 for entry in sunk["levels"]]) == pytest.approx(sunk["after"] ** 2)
+    profile = next(entry for entry in document["profiles"] if entry["name"] == "SlipSinkage.n_1")
     assert min(profile["rises"]) == 0 < 3.84 < max(profile["rises"])
-    before, after = (kept["extra"][side]["residual_tests"] for side in ("before", "after"))
-    against_slip = [one["p"] for one in before if (one["channel"], one["against"]) == ("sinkage", "slip")]
+    before, after = (document["extra"][side]["residual_tests"] for side in ("before", "after"))
+    against_slip = [entry["p"] for entry in before if (entry["channel"], entry["against"]) == ("sinkage", "slip")]
     assert against_slip[0] < 0.01
-    assert min(one["p"] for one in after) > 1e-3
+    assert min(entry["p"] for entry in after) > 1e-3
     assert "http" not in page.replace("http://www.w3.org", "")  # but for the names of SVG's elements
     assert read_model(tmp_path / "out" / "model.toml") == verdict.model
     assert "an effect is missing" in verdict.summary()
-    assert said[0] == "calibrating the base model"
+    assert messages[0] == "calibrating the base model"
 
 
 @pytest.mark.slow
@@ -136,7 +136,7 @@ def test_a_null_set_needs_no_effect(tmp_path):
     assert verdict.answer is Answer.NONE_NEEDED
     assert verdict.effects == verdict.named == ()
     assert verdict.beliefs.sets[frozenset()] > 0.5
-    assert all(one.is_noise for one in verdict.extra.after.residuals)
+    assert all(residual.is_noise for residual in verdict.extra.after.residuals)
 
 
 @pytest.mark.slow
@@ -147,12 +147,14 @@ def test_unlisted_effect_is_described_and_its_draft_is_an_effect(tmp_path):
     assert verdict.effects == ()
     assert verdict.beliefs.leaves_more(()) > 0.5
     assert max(verdict.beliefs.included.values()) < 0.5
-    assert any(not one.is_noise and "smooth fit" in one.sentence for one in verdict.extra.after.residuals)
+    assert any(
+        not residual.is_noise and "smooth fit" in residual.sentence for residual in verdict.extra.after.residuals
+    )
     draft = verdict.draft
     assert draft.accepted
-    assert all(one.after < 1.3 * one.floor for one in draft.scores)
-    assert [one.before for one in draft.scores] == [one.before for one in verdict.scores]
-    assert max(one.before / one.after for one in draft.scores) > 2
+    assert all(score.after < 1.3 * score.floor for score in draft.scores)
+    assert [score.before for score in draft.scores] == [score.before for score in verdict.scores]
+    assert max(score.before / score.after for score in draft.scores) > 2
     assert f"--effects {tmp_path / 'out' / 'draft_effect' / 'measured_remainder.py'}" in verdict.summary()
     assert json.loads((tmp_path / "out" / "verdict.json").read_text())["draft"]["accepted"] is True
     again = close_the_loop(path, effects=tmp_path / "out" / "draft_effect")
@@ -205,7 +207,7 @@ def changed(tmp_path, change):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (lambda table: table.update(rim_speed_mps=2.0 * table["rim_speed_mps"]), "its speeds give .* by Eq"),
         (
@@ -216,8 +218,8 @@ def changed(tmp_path, change):
         (lambda table: table.update(torque_Nm=0.4 + 0 * table["slip"]), "torque_Nm is 0.4 in all 7 runs"),
     ],
 )
-def test_data_that_cannot_be_used_get_one_sentence(tmp_path, change, said):
-    with pytest.raises(DataError, match=said):
+def test_data_that_cannot_be_used_get_one_sentence(tmp_path, change, message):
+    with pytest.raises(DataError, match=message):
         close_the_loop(changed(tmp_path, change))
 
 

@@ -23,13 +23,13 @@ def test_hidden_effects_are_named_or_within_the_stated_set(tmp_path):
     for effect in EFFECTS:
         for seed in range(4):
             verdict = verdict_of(tmp_path / f"{effect}{seed}", effect, seed, severity=(1.0, 0.5)[seed // 2])
-            told = verdict.answer in (Answer.NAMED, Answer.SET, Answer.LIKE)
+            is_named = verdict.answer in (Answer.NAMED, Answer.SET, Answer.LIKE)
             alone, base = (verdict.beliefs.best(names).log_evidence for names in ((hidden.IS[effect],), ()))
             detectable = alone - base > 3.0
             case = (effect, seed, verdict.answer.name, verdict.indistinguishable, round(verdict.before.misfit, 2))
-            if told and hidden.IS[effect] not in " ".join(verdict.indistinguishable):
+            if is_named and hidden.IS[effect] not in " ".join(verdict.indistinguishable):
                 wrong.append(case)
-            elif not told:
+            elif not is_named:
                 (missed if detectable else hidden_well).append(case)
     print(f"of {4 * len(EFFECTS)}: wrong {wrong}, missed {missed}, too small to see {hidden_well}")
     assert wrong == []

@@ -69,7 +69,7 @@ def test_trend_of_a_residual_is_attributed_to_its_cause_alone(against):
     assert p_of(tests, "sinkage", against) <= 0.002
     assert p_of(tests, "drawbar pull", against) > 0.01
     others = {"slip", SLIP_SQUARED, "load", ORDER} - {against}
-    assert all(p_of(tests, "sinkage", other) > 0.002 for other in others)
+    assert all(p_of(tests, "sinkage", second) > 0.002 for second in others)
 
 
 def test_whiteness_sees_what_lives_between_neighbours():
@@ -94,25 +94,31 @@ def test_p_values_of_noise_are_uniform():
 def test_ding_s_wheel_comes_with_its_cautions(tmp_path):
     verdict = close_the_loop(DATA / "ding-2011-smooth", out=tmp_path)
     assert "folds" in verdict.chosen_again
-    assert any(said.startswith("phi = ") and "sits away from" in said for said in verdict.cautions)
-    assert any("times its noise" in said for said in verdict.cautions)
+    assert any(caution.startswith("phi = ") and "sits away from" in caution for caution in verdict.cautions)
+    assert any("times its noise" in caution for caution in verdict.cautions)
     page = html.unescape((tmp_path / "report.html").read_text()).replace("\N{NO-BREAK SPACE}", " ")
     kinds = package_effects()
-    heads = (said.partition(":")[0] for said in verdict.cautions)
-    told = [head if head in verdict.vetoes else said for head, said in zip(heads, verdict.cautions, strict=True)]
-    assert all(human(said, kinds)[1:] in page for said in told)  # capital letters begin them; a veto is said once
+    heads = (caution.partition(":")[0] for caution in verdict.cautions)
+    quoted = [
+        head if head in verdict.vetoes else caution for head, caution in zip(heads, verdict.cautions, strict=True)
+    ]
+    assert all(
+        human(caution, kinds)[1:] in page for caution in quoted
+    )  # capital letters begin them; a veto is said once
 
 
 # --- the score of blind tests ----------------------------------------------------------------------------------------
 
 
-def case(kind, truth, answer, *alike, detectable=True):
-    alike = tuple(tuple(one.split("+")) for one in alike)
-    return score.Case("made", score.Kind[kind], tuple(truth.split("+")) if truth else (), answer, alike, detectable)
+def case(kind, truth, answer, *candidates, detectable=True):
+    candidates = tuple(tuple(candidate.split("+")) for candidate in candidates)
+    return score.Case(
+        "made", score.Kind[kind], tuple(truth.split("+")) if truth else (), answer, candidates, detectable
+    )
 
 
 @pytest.mark.parametrize(
-    ("made", "worth"),
+    ("example", "worth"),
     [
         (case("SINGLE", "A", Answer.NAMED, "A"), "RIGHT"),
         (case("SINGLE", "A", Answer.SET, "B", "A"), "IN_SET"),
@@ -129,8 +135,8 @@ def case(kind, truth, answer, *alike, detectable=True):
         (case("OFF_LIST", "odd", Answer.NONE_FITS), "UNKNOWN"),
     ],
 )
-def test_what_an_answer_is_worth(made, worth):
-    assert made.outcome is score.Outcome[worth]
+def test_what_an_answer_is_worth(example, worth):
+    assert example.outcome is score.Outcome[worth]
 
 
 @pytest.mark.parametrize(("count", "of"), [(0, 20), (1, 24), (58, 61), (30, 30)])
@@ -144,10 +150,16 @@ def test_wilson_s_interval_is_where_the_score_test_rejects(count, of):
 
 def test_a_case_that_is_kept_is_made_once_and_read_as_it_was(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(STUDIES)
-    kept, told = (importlib.import_module(name) for name in ("kept.case", "blind_score"))
-    size = told.Size("Ploughing.a_b", 0.5, 0.52, math.inf, 0.6)
-    whole = told.Case(
-        "x, white, 7", told.Kind.PAIR, ("Ploughing", "ExitAngle"), told.Answer.SET, (("A", "B"), ("C",)), True, (size,)
+    case_module, score_module = (importlib.import_module(name) for name in ("kept.case", "blind_score"))
+    size = score_module.Size("Ploughing.a_b", 0.5, 0.52, math.inf, 0.6)
+    blind_case = score_module.Case(
+        "x, white, 7",
+        score_module.Kind.PAIR,
+        ("Ploughing", "ExitAngle"),
+        score_module.Answer.SET,
+        (("A", "B"), ("C",)),
+        True,
+        (size,),
     )
-    assert str(kept.kept(tmp_path / "cases" / "7.json", lambda: whole)) == str(whole)
-    assert str(kept.kept(tmp_path / "cases" / "7.json", lambda: pytest.fail("made again"))) == str(whole)
+    assert str(case_module.kept(tmp_path / "cases" / "7.json", lambda: blind_case)) == str(blind_case)
+    assert str(case_module.kept(tmp_path / "cases" / "7.json", lambda: pytest.fail("made again"))) == str(blind_case)

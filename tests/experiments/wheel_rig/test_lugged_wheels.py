@@ -42,9 +42,9 @@ def carried(y, S, wheel, soil):
     return forces(y, S, wheel, soil)[0]
 
 
-def missing(y, load, *rest):
+def missing(y, load, *arguments):
     """Return what f_n has beyond the load."""
-    return carried(y, *rest) - load
+    return carried(y, *arguments) - load
 
 
 def trench(S, wheel, lugs, y):
@@ -73,7 +73,7 @@ def drawn(random):
 
 def test_no_lugged_wheel_that_a_bracket_carries_is_lost():
     """1,500 conditions: Newton's method ends where an independent bracketing root does, or says that none is."""
-    random, beyond, count = np.random.default_rng(2511), 0, 0
+    random, outside, count = np.random.default_rng(2511), 0, 0
     while count < 1500:
         wheel, lugs, soil, S, y = drawn(random)
         load = carried(y, S, wheel, soil)
@@ -84,12 +84,12 @@ def test_no_lugged_wheel_that_a_bracket_carries_is_lost():
         h = y + trench(S, wheel, lugs, y)
         model = RigModel(wheel, soil, (*PAPER, lugs))
         if h > wheel.r:
-            beyond += 1
+            outside += 1
             with pytest.raises(DataError, match="no sinkage down to the axle carries"):
                 model.predict(load, S)
             continue
         assert model.predict(load, S).sinkage[0] == pytest.approx(h, rel=0.02 if S < 0 else 1e-3)
-    assert 0 < beyond < 100
+    assert 0 < outside < 100
 
 
 # --- through the door ------------------------------------------------------------------------------------------------
@@ -118,8 +118,8 @@ def write(folder, runs, lugs=None, slip=str, wheel=""):
         _, pull, torque = forces(y, S, WHEEL, SAND)
         h = y + (trench(S, WHEEL, lugs, y) if lugs else 0.0)
         speeds = RIM * (1.0 + min(S, 0.0)), RIM * (1.0 - max(S, 0.0))
-        seen = np.array([pull, torque, h]) + np.array([0.5, 0.03, 5e-4]) * random.normal(size=3)
-        rows.append(",".join([slip(S), *map(str, (load, *speeds, *seen))]))
+        observed = np.array([pull, torque, h]) + np.array([0.5, 0.03, 5e-4]) * random.normal(size=3)
+        rows.append(",".join([slip(S), *map(str, (load, *speeds, *observed))]))
     Path(folder).mkdir()
     names = "slip,load_N,rim_speed_mps,travel_speed_mps,drawbar_pull_N,torque_Nm,sinkage_m"
     Path(folder, "points.csv").write_text("\n".join([names, *rows]) + "\n")
@@ -150,14 +150,14 @@ def test_lugged_wheel_is_fitted_from_locked_to_spinning(run):
     lugs = LugExcavation(h_l=0.008)
     write("mine", thrice(SLIPS), lugs, wheel="lug_height = { value = 8, unit = 'mm' }")
     code, out, _ = run("close-loop", "mine", "--json", "--out", "out")
-    told = json.loads(out)
-    assert (code, told["answer"]) == (0, "no effect needed")
-    report = re.sub(r"data:[^\"]*", "", Path("out/report.html").read_text())  # without its figures
-    assert not re.search(r"\b(nan|inf)\b", report)
+    report = json.loads(out)
+    assert (code, report["answer"]) == (0, "no effect needed")
+    page_text = re.sub(r"data:[^\"]*", "", Path("out/report.html").read_text())  # without its figures
+    assert not re.search(r"\b(nan|inf)\b", page_text)
     for name, true in (("soil.k", SAND.k), ("soil.phi", SAND.phi), ("LugExcavation.h_l", lugs.h_l)):
-        assert told["after"][name]["low"] < true < told["after"][name]["high"]
-    assert all(score["after"] < 2 * score["floor"] and not score["lost"] for score in told["held_out"])
-    assert any(line.startswith("DiggingMemory was not tried") for line in told["cautions"])
+        assert report["after"][name]["low"] < true < report["after"][name]["high"]
+    assert all(score["after"] < 2 * score["floor"] and not score["lost"] for score in report["held_out"])
+    assert any(line.startswith("DiggingMemory was not tried") for line in report["cautions"])
 
 
 @pytest.mark.slow

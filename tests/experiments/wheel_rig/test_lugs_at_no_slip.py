@@ -29,12 +29,12 @@ SMOOTH, LUGGED = DATA / "cmu-smooth-wheel", DATA / "cmu-grousered-wheel"
 LAWS = (SlipSoftening(), LugExcavation(h_l=0.005), InterfaceFriction(), RateDependence(v_0=0.05))
 
 
-def over_lugs(folder, said="true"):
+def over_lugs(folder, message="true"):
     """A copy of the lugged wheel that says over what its radius is told."""
     shutil.copytree(LUGGED, folder / LUGGED.name)
     file = folder / LUGGED.name / "rig.toml"
     text = file.read_text()
-    file.write_text(text.replace('surface = "grousered"\n', f'surface = "grousered"\nr_over_lugs = {said}\n'))
+    file.write_text(text.replace('surface = "grousered"\n', f'surface = "grousered"\nr_over_lugs = {message}\n'))
     return folder / LUGGED.name
 
 
@@ -43,8 +43,12 @@ def fitted(lugged, lambda_s):
     joint = join_sets([read_rig_set(SMOOTH), read_rig_set(lugged)])
     effects = (*PAPER, *LAWS, Grousers(h_s=0.005, lambda_s=lambda_s))
     model = dataclasses.replace(joint.base_model(), effects=effects)
-    known = joint.uncertain(model)
-    free = tuple(each for each in (*known, *present_amplitudes(model.effects, known)) if not each.name.endswith("h_s"))
+    uncertain = joint.uncertain(model)
+    free = tuple(
+        present_amplitude
+        for present_amplitude in (*uncertain, *present_amplitudes(model.effects, uncertain))
+        if not present_amplitude.name.endswith("h_s")
+    )
     fit = calibrated(joint, model, free)
     left, pull = (joint.observed - joint.predict([fit.model])[0]), list(joint.channels).index("drawbar pull")
     return float(fit.chi2), [float(np.nanmean(left[joint.of_set(name)][0, pull])) for name in joint.runs]
@@ -81,14 +85,14 @@ def test_law_with_rim_r_predicts_a_lug_pull_unlike_measured():
 def test_half_way_up_the_lugs_is_the_best_of_their_height(tmp_path):
     """0 at the rim, 1 at the tips; a parabola through these has its least at 0.48."""
     folder = over_lugs(tmp_path)
-    chi2 = [fitted(folder, each)[0] for each in (0.0, 0.5, 1.0)]
+    chi2 = [fitted(folder, value)[0] for value in (0.0, 0.5, 1.0)]
     assert chi2 == pytest.approx([191.7, 175.7, 197.5], abs=0.5)
 
 
 def test_a_wheel_that_does_not_say_is_told_of(tmp_path):
-    said = [str(each) for each in findings(RigExperiment((read_rig_set(LUGGED),)))]
-    assert any("lug_height" in each and "r_over_lugs" in each for each in said)
+    finding_texts = [str(finding) for finding in findings(RigExperiment((read_rig_set(LUGGED),)))]
+    assert any("lug_height" in finding_text and "r_over_lugs" in finding_text for finding_text in finding_texts)
     for value in ("true", "false"):
-        said = findings(RigExperiment((read_rig_set(over_lugs(tmp_path / value, value)),)))
-        assert not any("r_over_lugs" in str(each) for each in said)
-    assert not any("r_over_lugs" in str(each) for each in findings(RigExperiment((read_rig_set(SMOOTH),))))
+        finding_texts = findings(RigExperiment((read_rig_set(over_lugs(tmp_path / value, value)),)))
+        assert not any("r_over_lugs" in str(finding_text) for finding_text in finding_texts)
+    assert not any("r_over_lugs" in str(finding) for finding in findings(RigExperiment((read_rig_set(SMOOTH),))))

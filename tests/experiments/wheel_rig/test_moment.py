@@ -59,8 +59,8 @@ CLEAN = rows()
 def written(folder, table=CLEAN, leave=(), toml=""):
     folder.mkdir(exist_ok=True)
     names = ["slip", "slip_angle_rad", "load_N", *CHANNELS]
-    kept = [at for at, name in enumerate(names) if name not in leave]
-    lines = [",".join(names[at] for at in kept), *(",".join(f"{row[at]:.9g}" for at in kept) for row in table)]
+    stored = [at for at, name in enumerate(names) if name not in leave]
+    lines = [",".join(names[at] for at in stored), *(",".join(f"{row[at]:.9g}" for at in stored) for row in table)]
     (folder / "points.csv").write_text("\n".join(lines) + "\n")
     noise = [
         f'{name.rpartition("_")[0]} = {{ value = {sd}, unit = "{unit}" }}' for name, (sd, unit) in CHANNELS.items()
@@ -77,7 +77,10 @@ def fitted(folder):
     fit = calibrated(experiment, model, experiment.uncertain(model))
     sd = np.sqrt(np.diag(np.linalg.inv(fit.columns.T @ fit.columns)))
     rows = zip(fit.parameters, fit.u, sd, strict=True)
-    return {one.name: (float(fit.value(one.name)), own * abs(one.slope(u))) for one, u, own in rows}
+    return {
+        parameter.name: (float(fit.value(parameter.name)), spread * abs(parameter.slope(u)))
+        for parameter, u, spread in rows
+    }
 
 
 # --- the law ---------------------------------------------------------------------------------------------------------
@@ -91,27 +94,27 @@ def test_all_channels_are_those_of_forces_summed_as_vectors(S, flank):
     hidden = oracle.AskewWheel(0.0625, 0.06, 50.0, 0.4, 0.008, 8e4, 1.2, 0.15, flank, 0.02)
     model = RigModel(WHEEL, SOIL, (*ASKEW, FlankPressure(flank, 0.02)))
     for angle in (0.1, -0.5, 1.0):
-        found = model.predict(25.0, S, slip_angle=angle)
+        prediction = model.predict(25.0, S, slip_angle=angle)
         expected = hidden.run(25.0, S, angle)
-        assert [float(each[0]) for each in found] == pytest.approx(expected, rel=5e-5)
+        assert [float(channel[0]) for channel in prediction] == pytest.approx(expected, rel=5e-5)
         assert np.sign(expected[4]) == np.sign(angle), "to its left where it goes to its right: further askew"
         alone = TRUE.run(25.0, S, angle)[4]
         assert expected[4] == pytest.approx(alone, rel=1e-6)
 
 
 def test_the_side_force_acts_ahead_of_the_axle_in_the_contact():
-    found = [
+    predictions = [
         RigModel(WHEEL, SOIL, ASKEW).predict(25.0, SLIPS, slip_angle=angle) for angle in np.radians([5, 15, 30, 45, 70])
     ]
-    arms = np.array([each.moment / each.side_force for each in found])
-    ends = np.sqrt(WHEEL.r**2 - (WHEEL.r - np.array([each.sinkage for each in found])) ** 2)
+    arms = np.array([forces.moment / forces.side_force for forces in predictions])
+    ends = np.sqrt(WHEEL.r**2 - (WHEEL.r - np.array([forces.sinkage for forces in predictions])) ** 2)
     assert np.all((ends / 6.0 < arms) & (arms < ends / 3.0))
 
 
 def test_what_scales_the_side_force_scales_its_moment():
     for effect in (PostPeak(0.4), RateDependence(0.2)):
         plain, scaled = (
-            RigModel(WHEEL, SOIL, each).predict(25.0, 0.5, slip_angle=0.4) for each in (ASKEW, (*ASKEW, effect))
+            RigModel(WHEEL, SOIL, effects).predict(25.0, 0.5, slip_angle=0.4) for effects in (ASKEW, (*ASKEW, effect))
         )
         assert scaled.moment / plain.moment == pytest.approx(scaled.side_force / plain.side_force)
         assert abs(scaled.moment / plain.moment - 1.0) > 0.1
@@ -122,14 +125,14 @@ def test_what_scales_the_side_force_scales_its_moment():
 
 def test_the_moment_tells_where_the_contact_ends(tmp_path):
     """The arm of the side force is that of the contact: the exit ratio is told half as far off as without."""
-    whole, without = (
+    full, without = (
         fitted(written(tmp_path / name, leave=left)) for name, left in (("a", ()), ("b", ("moment_z_Nm",)))
     )
     truth = {"soil.k": 0.008, "soil.phi": 0.4, "soil.k_1": 8e4, "soil.exit_ratio": 0.15}
     for name, value in truth.items():
-        assert whole[name][0] == pytest.approx(value, abs=3.0 * whole[name][1])
-        assert whole[name][1] < without[name][1]
-    assert whole["soil.exit_ratio"][1] < 0.7 * without["soil.exit_ratio"][1]
+        assert full[name][0] == pytest.approx(value, abs=3.0 * full[name][1])
+        assert full[name][1] < without[name][1]
+    assert full["soil.exit_ratio"][1] < 0.7 * without["soil.exit_ratio"][1]
 
 
 def test_cell_ahead_of_the_axle_is_found_as_a_rig_error(tmp_path):
@@ -138,17 +141,17 @@ def test_cell_ahead_of_the_axle_is_found_as_a_rig_error(tmp_path):
     table[:, 7] += 0.03 - 0.02 * side
     toml = '[rig]\nmoment_arm = { value = 0.0, sd = 0.03, unit = "m" }\n'
     toml += 'moment_tare = { value = 0.0, sd = 0.05, unit = "N m" }\n'
-    found = fitted(written(tmp_path / "set", table, toml=toml))
+    rig_fit = fitted(written(tmp_path / "set", table, toml=toml))
     for name, value in {"rig.moment_arm": 0.02, "rig.moment_tare": 0.03, "soil.phi": 0.4}.items():
-        assert found[name][0] == pytest.approx(value, abs=3.0 * found[name][1])
-    assert found["rig.moment_arm"][1] < 0.001
+        assert rig_fit[name][0] == pytest.approx(value, abs=3.0 * rig_fit[name][1])
+    assert rig_fit["rig.moment_arm"][1] < 0.001
 
 
 @pytest.mark.nightly
 def test_the_loop_fits_holds_out_and_draws_it(tmp_path):
     verdict = close_the_loop(written(tmp_path / "set"), out=tmp_path / "out")
     assert verdict.answer.value == "no effect needed"
-    score = next(one for one in verdict.scores if one.name == "moment about the vertical")
+    score = next(score for score in verdict.scores if score.name == "moment about the vertical")
     assert score.unit == "N m"
     assert score.after < 1.5 * CHANNELS["moment_z_Nm"][0]
     assert "moment about the vertical" in (tmp_path / "out" / "report.html").read_text()
@@ -165,7 +168,7 @@ def test_it_is_read_where_a_wheel_runs_askew_with_its_noise(tmp_path):
     assert moment.measured == pytest.approx(CLEAN[:, 7], rel=1e-8)
     straight = CLEAN.copy()
     straight[:, 1] = 0.0
-    assert [each.column for each in read_rig_set(written(tmp_path / "straight", straight)).channels] == [
+    assert [channel.column for channel in read_rig_set(written(tmp_path / "straight", straight)).channels] == [
         "drawbar_pull_N", "torque_Nm", "sinkage_m",
     ]  # fmt: skip
     bare = written(tmp_path / "bare")
@@ -182,23 +185,27 @@ def test_it_is_read_where_a_wheel_runs_askew_with_its_noise(tmp_path):
 
 
 def with_moment(rig, measured, sd=None):
-    other = [each for each in rig.channels if each.column != "moment_z_Nm"]
-    own = next(each for each in rig.channels if each.column == "moment_z_Nm")
-    return dataclasses.replace(rig, channels=(*other, type(own)(measured, own.sd if sd is None else sd)))
+    channels = [channel for channel in rig.channels if channel.column != "moment_z_Nm"]
+    channel = next(channel for channel in rig.channels if channel.column == "moment_z_Nm")
+    return dataclasses.replace(rig, channels=(*channels, type(channel)(measured, channel.sd if sd is None else sd)))
 
 
 def test_moment_outside_the_wheel_is_named_and_frozen_refused(tmp_path):
     rig = read_rig_set(written(tmp_path / "set"))
-    assert not [each for each in suspicions(rig) if "moment_z" in str(each)]
+    assert not [suspicion for suspicion in suspicions(rig) if "moment_z" in str(suspicion)]
     moment, side = CLEAN[:, 7], CLEAN[:, 6]
     for shift, word in ((0.15, "ahead of"), (-0.15, "behind")):
-        (said,) = [str(each) for each in suspicions(with_moment(rig, moment + shift * side)) if "moment_z" in str(each)]
-        assert f"m {word} the axle, beyond the rim" in said
-        assert "state moment_arm in [rig]" in said
-    few = with_moment(rig, moment + 0.15 * side)
+        (suspicion_text,) = [
+            str(suspicion)
+            for suspicion in suspicions(with_moment(rig, moment + shift * side))
+            if "moment_z" in str(suspicion)
+        ]
+        assert f"m {word} the axle, beyond the rim" in suspicion_text
+        assert "state moment_arm in [rig]" in suspicion_text
+    few_outliers = with_moment(rig, moment + 0.15 * side)
     noisy = with_moment(rig, moment + 0.15 * side, 1.0)
-    assert [each for each in suspicions(few) if "moment_z" in str(each)]
-    assert not [each for each in suspicions(noisy) if "moment_z" in str(each)], "within its noise"
+    assert [suspicion for suspicion in suspicions(few_outliers) if "moment_z" in str(suspicion)]
+    assert not [suspicion for suspicion in suspicions(noisy) if "moment_z" in str(suspicion)], "within its noise"
     with pytest.raises(DataError, match=r"moment_z_Nm is .* times the load times radius, more than any soil gives"):
         refuse_impossible(with_moment(rig, 1e3 * moment))
     frozen = CLEAN.copy()
@@ -213,13 +220,13 @@ def test_runs_at_other_slip_angles_are_no_repeats(tmp_path):
     data = read_rig_set(written(tmp_path / "set"))
     assert repeats(data).tolist() == list(range(12))
     assert not [
-        each
-        for each in findings(RigExperiment((data,)))
-        if "repeats scatter" in str(each) or "from its repeats" in str(each)
+        finding
+        for finding in findings(RigExperiment((data,)))
+        if "repeats scatter" in str(finding) or "from its repeats" in str(finding)
     ]
     again = CLEAN.copy()
     again[:, 1] += 0.001 * np.random.default_rng(1).normal(size=12)
     both = read_rig_set(written(tmp_path / "twice", np.vstack([CLEAN, again])))
     assert repeats(both).tolist() == [*range(12), *range(12)]
-    told = CliRunner().invoke(app, ["check-data", str(tmp_path / "set")])
-    assert "no level is repeated" in told.output
+    completed = CliRunner().invoke(app, ["check-data", str(tmp_path / "set")])
+    assert "no level is repeated" in completed.output

@@ -12,9 +12,9 @@ from rover_pin.measurements.rig_reading import read_rig_set
 DATA = read_rig_set(data_path("cmu-smooth-wheel"))
 
 
-def is_like(run, other):
+def is_like(run, second):
     """Whether two runs (load, slip) are of one level of slip, and loads within a factor of 1.5."""
-    return abs(run[1] - other[1]) < 0.02 and 1 / 1.5 < run[0] / other[0] < 1.5
+    return abs(run[1] - second[1]) < 0.02 and 1 / 1.5 < run[0] / second[0] < 1.5
 
 
 def runs(data):
@@ -23,16 +23,16 @@ def runs(data):
 
 def test_no_run_is_proposed_that_was_made():
     offered = runs(runs_ahead(DATA))
-    assert not [run for run in offered if any(is_like(run, made) for made in runs(DATA))]
+    assert not [run for run in offered if any(is_like(run, done) for done in runs(DATA))]
     everything = [(load * np.quantile(DATA.load, 0.5, method="lower"), slip) for load in LOADS for slip in SLIPS]
     left_out = [run for run in everything if not any(math.isclose(run[0], o[0]) and run[1] == o[1] for o in offered)]
     assert left_out
-    assert all(any(is_like(run, made) for made in runs(DATA)) for run in left_out)
+    assert all(any(is_like(run, done) for done in runs(DATA)) for run in left_out)
 
 
 def test_where_all_was_measured_all_is_proposed_again():
     elsewhere = dataclasses.replace(DATA, slip=np.full_like(DATA.slip, 0.95))
-    whole = runs_ahead(elsewhere)
-    again = runs_ahead(whole)
-    assert len(again.load) == len(whole.load) == len(LOADS) * len(SLIPS)
-    assert again.slip.tolist() == whole.slip.tolist()
+    ahead = runs_ahead(elsewhere)
+    again = runs_ahead(ahead)
+    assert len(again.load) == len(ahead.load) == len(LOADS) * len(SLIPS)
+    assert again.slip.tolist() == ahead.slip.tolist()

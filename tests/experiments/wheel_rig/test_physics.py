@@ -28,8 +28,10 @@ SLIPS = np.array([-0.5, -0.2, 0.0, 0.1, 0.2, 0.4, 0.6, 0.8])
 def changed(rig, kind=None, factor=1.0, load=1.0, r=1.0):
     """The set with a channel, the load or the radius multiplied."""
     channels = tuple(
-        type(each)(factor * each.measured, abs(factor) * each.sd) if isinstance(each, kind or ()) else each
-        for each in rig.channels
+        type(channel)(factor * channel.measured, abs(factor) * channel.sd)
+        if isinstance(channel, kind or ())
+        else channel
+        for channel in rig.channels
     )
     wheel = rig.wheel.replace(r=float(rig.wheel.r) * r)
     return dataclasses.replace(rig, channels=channels, load=rig.load * load, wheel=wheel)
@@ -63,24 +65,24 @@ HARDLY_MEANT = [
 ]
 
 
-@pytest.mark.parametrize(("name", "change", "said"), IMPOSSIBLE)
-def test_what_no_soil_gives_is_refused(name, change, said):
+@pytest.mark.parametrize(("name", "change", "message"), IMPOSSIBLE)
+def test_what_no_soil_gives_is_refused(name, change, message):
     data = read_rig_set(DATA / name)
     wrong = changed(data, **change)
     for refuse in (lambda: refuse_impossible(wrong), lambda: refuse_unfit(RigExperiment((wrong,)))):
-        with pytest.raises(DataError, match=said):
+        with pytest.raises(DataError, match=message):
             refuse()
 
 
-@pytest.mark.parametrize(("name", "change", "said"), HARDLY_MEANT)
-def test_what_is_hardly_meant_is_named(name, change, said):
+@pytest.mark.parametrize(("name", "change", "message"), HARDLY_MEANT)
+def test_what_is_hardly_meant_is_named(name, change, message):
     data = read_rig_set(DATA / name)
     wrong = changed(data, **change)
-    if "times the load in" not in said:
+    if "times the load in" not in message:
         refuse_unfit(RigExperiment((wrong,)))
-    told = [str(each) for each in findings(RigExperiment((wrong,)))]
-    assert any(said in each for each in told), told
-    assert all(said not in str(each) for each in findings(RigExperiment((data,))))
+    finding_texts = [str(finding) for finding in findings(RigExperiment((wrong,)))]
+    assert any(message in finding_text for finding_text in finding_texts), finding_texts
+    assert all(message not in str(finding) for finding in findings(RigExperiment((data,))))
 
 
 def test_a_wheel_gives_out_no_more_than_its_torque_puts_in():
@@ -98,10 +100,10 @@ def test_a_wheel_gives_out_no_more_than_its_torque_puts_in():
 
 def test_single_rows_and_torques_that_cannot_be():
     rig = read_rig_set(DATA / CMU)
-    pull = next(each for each in rig.channels if isinstance(each, DrawbarPull))
+    pull = next(channel for channel in rig.channels if isinstance(channel, DrawbarPull))
     spoilt = pull.measured.copy()
     spoilt[3] = 1e308
-    others = tuple(each for each in rig.channels if each is not pull)
+    others = tuple(channel for channel in rig.channels if channel is not pull)
     with pytest.raises(DataError, match=r"drawbar_pull_N is .* times the load in row 4; correct or remove that row"):
         refuse_impossible(dataclasses.replace(rig, channels=(DrawbarPull(spoilt, pull.sd), *others)))
     still = RigSet(Wheel(), np.array([0.2, 0.4, 0.6]), 10.0, (Torque(np.full(3, 5e-4), 1e-5),))
@@ -111,7 +113,7 @@ def test_single_rows_and_torques_that_cannot_be():
 
 def test_a_noise_that_no_sensor_has_is_refused():
     rig = read_rig_set(DATA / CMU)
-    sunk = next(each for each in rig.channels if isinstance(each, Sinkage))
+    sunk = next(channel for channel in rig.channels if isinstance(channel, Sinkage))
     with pytest.raises(DataError, match=r"noise of sinkage_m is .*; state the SD"):
         refuse_impossible(dataclasses.replace(rig, channels=(Sinkage(sunk.measured, 1e-320),)))
 
@@ -138,12 +140,22 @@ def of_model(soil, r, load):
         except ParameterError:
             return None
         forces = wheel_forces(slip, theta_1, -float(soil.exit_ratio) * theta_1, wheel, soil)
-        rows.append([float(each) for each in (forces.f_t, forces.torque, sinkage(theta_1, wheel), forces.f_n)])
+        rows.append(
+            [
+                float(channel_values)
+                for channel_values in (forces.f_t, forces.torque, sinkage(theta_1, wheel), forces.f_n)
+            ]
+        )
     pull, torque, sunk, carried = np.array(rows).T
     if not np.allclose(carried, load, rtol=0.02) or not 0.003 * r < sunk.max() < 0.7 * r:
         return None
     kinds = zip((DrawbarPull, Torque, Sinkage), (pull, torque, sunk), strict=True)
-    return RigSet(wheel, SLIPS, load, tuple(kind(each, 0.02 * np.abs(each).max()) for kind, each in kinds))
+    return RigSet(
+        wheel,
+        SLIPS,
+        load,
+        tuple(kind(channel_values, 0.02 * np.abs(channel_values).max()) for kind, channel_values in kinds),
+    )
 
 
 @pytest.mark.parametrize("name", SOILS)
@@ -162,7 +174,7 @@ def test_wheels_of_any_size_on_any_soil_raise_no_alarm(name):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("[noise]", "[noize]", "there is no key 'noize' in a rig set: did you mean 'noise'?"),
         ("\nphi = {", "\nfriction_angle = {", "there is no key 'friction_angle' in [soil]: did you mean 'phi'?"),
@@ -173,12 +185,12 @@ def test_wheels_of_any_size_on_any_soil_raise_no_alarm(name):
         ('unit = "deg"', 'unti = "deg"', "no key 'unti'"),
     ],
 )
-def test_a_key_that_nothing_reads_is_refused(tmp_path, old, new, said):
+def test_a_key_that_nothing_reads_is_refused(tmp_path, old, new, message):
     copied = Path(shutil.copytree(DATA / DING, tmp_path / "set"))
     text = (copied / "rig.toml").read_text()
     assert old in text
     (copied / "rig.toml").write_text(text.replace(old, new, 1))
-    with pytest.raises(DataError, match=re.escape(said)):
+    with pytest.raises(DataError, match=re.escape(message)):
         read_rig_set(copied)
 
 
@@ -216,10 +228,10 @@ def test_a_sign_is_wrong_beyond_three_sds_of_a_run(kind, slip, sense):
         rig = RigSet(Wheel(), rows, np.full(6, 10.0), (measured,))
         try:
             refuse_impossible(rig)
-            said = ""
+            message = ""
         except DataError as error:
-            said = str(error)
-        assert ("by -1" in said) is refused
+            message = str(error)
+        assert ("by -1" in message) is refused
 
 
 LEVELS, SD = 6, 0.1

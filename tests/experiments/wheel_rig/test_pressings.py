@@ -31,8 +31,8 @@ def pressed_set(folder, rig, stiffer=1.0, loads=(25.0,), undeclared=("n",)):
         rows += [f"{trial},wheel,{h:.6g},{bed * np.exp(0.02 * random.normal()) * rig.press(h):.6g}" for h in DEPTHS]
     (path / "penetration.csv").write_text("\n".join(rows) + "\n")
     lines = (path / "rig.toml").read_text().replace('"points.csv" }', '"points.csv", penetration = "penetration.csv" }')
-    kept = [line for line in lines.splitlines() if not line.startswith(tuple(f"{name} =" for name in undeclared))]
-    (path / "rig.toml").write_text("\n".join(kept) + "\n")
+    stored = [line for line in lines.splitlines() if not line.startswith(tuple(f"{name} =" for name in undeclared))]
+    (path / "rig.toml").write_text("\n".join(stored) + "\n")
     return path
 
 
@@ -144,9 +144,9 @@ def test_sand_stiffer_when_pressed_is_said_and_not_bent(tmp_path, stiffer):
 def test_a_pressed_set_stands_beside_one_that_is_not(tmp_path):
     rig = hidden.Rig("none")
     pressed = read_rig_set(pressed_set(tmp_path / "set", rig))
-    other = read_rig_set(hidden.write(tmp_path / "other", rig, hidden.rig_set(rig, loads=(40.0,), seed=4)))
-    other = dataclasses.replace(other, name="other")
-    joint = join_sets([pressed, other])
+    second = read_rig_set(hidden.write(tmp_path / "other", rig, hidden.rig_set(rig, loads=(40.0,), seed=4)))
+    second = dataclasses.replace(second, name="other")
+    joint = join_sets([pressed, second])
     assert joint.channels[-1] == PRESSED
     assert len(joint.folds) == len(joint.campaigns) == 2 * len(hidden.SLIPS) + 3
     names = [number.name for number in joint.uncertain(joint.base_model())]

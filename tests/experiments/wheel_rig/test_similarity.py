@@ -70,21 +70,21 @@ def test_slip_along_the_heading_is_told_from_that_of_the_travel(tmp_path):
         return 0.4 * (ratio - v) / max(ratio, v)
 
     data = made(tmp_path, pull, lambda ratio, beta, W: 0.3 + 0.1 * beta, lambda ratio, beta, W: 0.2 * beta)
-    found = simplest(collapses(data))
-    assert found["drawbar pull / W"].groups == (SLIP,)
-    assert found["h / r"].groups == (ANGLE,)
+    simplest_law = simplest(collapses(data))
+    assert simplest_law["drawbar pull / W"].groups == (SLIP,)
+    assert simplest_law["h / r"].groups == (ANGLE,)
 
 
 @pytest.mark.slow
 def test_what_is_a_function_of_nothing_is_told_so(tmp_path):
     """Of 18 channels of noise at most two are said to collapse."""
-    said = []
+    lines = []
     for seed in range(6):
         random = np.random.default_rng(seed)
         noise = lambda ratio, beta, W, random=random: 0.2 + 0.05 * random.normal()  # noqa: E731
-        said += simplest(collapses(made(tmp_path, noise, noise, noise, angles=(0.0, 0.5)))).values()
-    assert sum(row.groups != () for row in said) <= 2
-    assert "collapses on no group" in said[0].sentence
+        lines += simplest(collapses(made(tmp_path, noise, noise, noise, angles=(0.0, 0.5)))).values()
+    assert sum(row.groups != () for row in lines) <= 2
+    assert "collapses on no group" in lines[0].sentence
 
 
 def test_the_command_writes_table_and_figure(tmp_path, run, monkeypatch):
@@ -96,10 +96,10 @@ def test_the_command_writes_table_and_figure(tmp_path, run, monkeypatch):
         angles=(0.0,),
     )
     monkeypatch.chdir(tmp_path)
-    code, said, _ = run("check-data", str(tmp_path), "--similarity", "--out", "here")
+    code, output, _ = run("check-data", str(tmp_path), "--similarity", "--out", "here")
     assert code == 0
-    assert "drawbar pull / W collapses on r omega / V" in said
-    assert "h / r collapses on W / (gamma b r^2)" in said
+    assert "drawbar pull / W collapses on r omega / V" in output
+    assert "h / r collapses on W / (gamma b r^2)" in output
     rows = list(csv.DictReader(Path("here/similarity.csv").read_text().splitlines()))
     assert {row["groups"] for row in rows if row["chosen"] == "True"} == {TRAVEL, LOAD}
     assert Path("here/similarity.png").read_bytes().startswith(b"\x89PNG")

@@ -38,8 +38,8 @@ def export(**settings):
 
 def built(folder, flags=STRICT):
     words = [*compiler(), *flags, "rover_control.c", "test_vectors.c", "-lm", "-o", "test_vectors"]
-    made = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
-    assert made.returncode == 0, made.stderr
+    completed = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+    assert completed.returncode == 0, completed.stderr
     return folder / "test_vectors"
 
 
@@ -67,9 +67,9 @@ def test_c_answers_as_the_package(settings, tmp_path):
     ],
 )
 def test_ten_thousand_samples_under_sanitizers(settings, tmp_path):
-    own = export(**settings)
-    write_control(own, tmp_path, 10_000)
-    done = stepped(built(tmp_path, SANE), "1e-10" if own.on_board else "1e-12")
+    library = export(**settings)
+    write_control(library, tmp_path, 10_000)
+    done = stepped(built(tmp_path, SANE), "1e-10" if library.on_board else "1e-12")
     assert done.returncode == 0, (done.stdout, done.stderr)
     assert done.stdout.startswith("10000 samples")
 
@@ -125,23 +125,23 @@ def test_command_writes_and_says_how_to_build(tmp_path):
 
 
 def test_an_estimate_that_begins_anew_has_forgotten_all():
-    own = export(control="onboard")
-    first, second = list(vectors(own, 100)), list(vectors(own, 200))[100:]
-    estimate = own.on_board
-    told = []
+    library = export(control="onboard")
+    first, second = list(vectors(library, 100)), list(vectors(library, 200))[100:]
+    estimate = library.on_board
+    outputs = []
     for rows in (first, second, first):
         estimate.reset()
-        links, wheels = own.links, 6
+        links, wheels = library.links, 6
         for row in rows:
-            duty, rest = row[1 : 1 + wheels], row[1 + wheels :]
+            duty, others = row[1 : 1 + wheels], row[1 + wheels :]
             sample = estimate.belief.sample
-            sample[2 + links :] = rest[: 2 * wheels]
-            sample[2 : 2 + links] = rest[2 * wheels : 2 * wheels + links]
-            sample[:2] = rest[2 * wheels + links : 2 * wheels + links + 2]
+            sample[2 + links :] = others[: 2 * wheels]
+            sample[2 : 2 + links] = others[2 * wheels : 2 * wheels + links]
+            sample[:2] = others[2 * wheels + links : 2 * wheels + links + 2]
             estimate.belief.sense(max(duty) < -0.02, float("nan"))
-        told.append((estimate.belief.estimates.copy(), estimate.p_stands, estimate.speed))
-    np.testing.assert_array_equal(told[0][0], told[2][0])
-    assert told[0][1:] == told[2][1:]
+        outputs.append((estimate.belief.estimates.copy(), estimate.p_stands, estimate.speed))
+    np.testing.assert_array_equal(outputs[0][0], outputs[2][0])
+    assert outputs[0][1:] == outputs[2][1:]
 
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
@@ -149,19 +149,19 @@ def test_an_estimate_that_begins_anew_has_forgotten_all():
 def test_ros2_controller_gives_the_package_s_duties(control, tmp_path):
     """Against a stand-in of ros2_control: the real one is on no package registry."""
     chosen = scenario("ditch", control=control)
-    own = embed(chosen.controller, chosen.model)
-    write_control(own, tmp_path, 1)
+    library = embed(chosen.controller, chosen.model)
+    write_control(library, tmp_path, 1)
     stand_in = Path(__file__).parent / "ros2_stand_in"
     subprocess.run([*compiler(), "-c", *STRICT[:3], "rover_control.c"], cwd=tmp_path, check=True)
     words = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-O1", f"-I{tmp_path}", f"-I{tmp_path / 'ros2'}"]
     words += [f"-I{stand_in}", str(stand_in / "main.cpp"), "rover_control.o", "-o", "run"]
-    made = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert made.returncode == 0, made.stderr
+    completed = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert completed.returncode == 0, completed.stderr
     duty, rows, expected = np.zeros(6), [], []
     random = np.random.default_rng(2)
     for k in range(60):
         rate, current = 0.8 + 0.1 * random.standard_normal((2, 6))
-        links, (roll, pitch) = 0.1 * random.standard_normal(own.links), 0.1 * random.standard_normal(2)
+        links, (roll, pitch) = 0.1 * random.standard_normal(library.links), 0.1 * random.standard_normal(2)
         orientation = Rotation.from_euler("xyz", [roll, pitch, 0.3]).as_quat()
         rows.append([*rate, *current, *links, *orientation])
         nothing = Truth(*np.full((4, 6), np.nan), *np.full((2, 3), np.nan))

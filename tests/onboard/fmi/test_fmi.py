@@ -62,8 +62,8 @@ def opened(tmp_path_factory):
 
     def write(scene, control="", **settings):
         chosen = scenario(scene, **({"control": control} if control else {}), **settings)
-        made = unit_of(chosen.controller, chosen.model) if control else plant(chosen.model, chosen.start, chosen.timing)
-        unit = Opened(write_unit(made, tmp_path_factory.mktemp("fmu") / f"{made.name}.fmu"))
+        fmu = unit_of(chosen.controller, chosen.model) if control else plant(chosen.model, chosen.start, chosen.timing)
+        unit = Opened(write_unit(fmu, tmp_path_factory.mktemp("fmu") / f"{fmu.name}.fmu"))
         folders.append(unit.folder)
         return unit
 
@@ -80,38 +80,38 @@ def wandering(k, wheels=6):
 @pytest.mark.parametrize(("scene", "steer"), [("ditch", 0.0), ("rocks", 0.0), ("turn", 0.2)])
 def test_plant_moves_as_the_drive(opened, scene, steer):
     chosen = scenario(scene)
-    own, twin = opened(scene), SteppedDrive(chosen.model, 6.0, chosen.start, chosen.timing)
+    unit, twin = opened(scene), SteppedDrive(chosen.model, 6.0, chosen.start, chosen.timing)
     if steer:
-        own["steer"] = np.full(len(own["steer"]), steer)
+        unit["steer"] = np.full(len(unit["steer"]), steer)
     for k in range(100):
-        own["duty"] = wandering(k)
-        own.step()
+        unit["duty"] = wandering(k)
+        unit.step()
         read = twin.step(Command(wandering(k), steer))
         for name in ("wheel_rate", "current", "suspension"):
-            np.testing.assert_allclose(own[name], getattr(read, name), rtol=1e-9, atol=1e-11, err_msg=name)
+            np.testing.assert_allclose(unit[name], getattr(read, name), rtol=1e-9, atol=1e-11, err_msg=name)
         for name in ("slip", "sinkage", "normal", "travel", "position", "velocity"):
-            np.testing.assert_allclose(own[name], getattr(read.truth, name), rtol=1e-9, atol=1e-11, err_msg=name)
-        np.testing.assert_allclose([*own["roll"], *own["pitch"], *own["yaw"]], read.attitude, atol=1e-11)
-    assert np.linalg.norm(own["position"][:2]) > 0.05
+            np.testing.assert_allclose(unit[name], getattr(read.truth, name), rtol=1e-9, atol=1e-11, err_msg=name)
+        np.testing.assert_allclose([*unit["roll"], *unit["pitch"], *unit["yaw"]], read.attitude, atol=1e-11)
+    assert np.linalg.norm(unit["position"][:2]) > 0.05
     if steer:
-        assert own["position"][1] > 0.01
+        assert unit["position"][1] > 0.01
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("control", ["eq9", "onboard", "camera", "true"])
 def test_controller_answers_as_the_package(opened, control):
     chosen = scenario("ditch", control=control)
-    own, export = opened("ditch", control), embed(chosen.controller, chosen.model)
+    unit, export = opened("ditch", control), embed(chosen.controller, chosen.model)
     links = max(export.links, 1)
     names = {"duty_applied": 6, "wheel_rate": 6, "current": 6, "suspension": export.links, "roll": 1, "pitch": 1}
     names |= {"seen_speed": 1, "slip": 6, "travel": 6}
     for row in vectors(export, 100):  # all before it begins anew
-        given, answer = np.split(np.array(row[1:]), [sum(names.values())])
-        for name, values in zip(names, np.split(given, np.cumsum(list(names.values()))[:-1]), strict=True):
-            own[name] = values if len(values) else np.zeros(links)
-        own.step()
-        said = np.concatenate([own[name] for name, variable in own.of.items() if variable.causality == "output"])
-        np.testing.assert_allclose(said, answer, rtol=1e-9, atol=1e-10)
+        inputs, answer = np.split(np.array(row[1:]), [sum(names.values())])
+        for name, values in zip(names, np.split(inputs, np.cumsum(list(names.values()))[:-1]), strict=True):
+            unit[name] = values if len(values) else np.zeros(links)
+        unit.step()
+        outputs = np.concatenate([unit[name] for name, variable in unit.of.items() if variable.causality == "output"])
+        np.testing.assert_allclose(outputs, answer, rtol=1e-9, atol=1e-10)
 
 
 @pytest.mark.slow
@@ -150,43 +150,43 @@ def test_a_commanded_motion_drives_as_the_package(opened):
 @pytest.mark.slow
 @pytest.mark.parametrize(("scene", "control"), [("ditch", ""), ("slope", ""), ("ditch", "onboard"), ("flat", "eq9")])
 def test_units_keep_to_the_standard(opened, scene, control):
-    own = opened(scene, control)
-    assert validation.validate_fmu(str(own.path)) == []
-    assert own.description.fmiVersion == "3.0"
-    assert float(own.description.coSimulation.fixedInternalStepSize) == PERIOD
+    unit = opened(scene, control)
+    assert validation.validate_fmu(str(unit.path)) == []
+    assert unit.description.fmiVersion == "3.0"
+    assert float(unit.description.coSimulation.fixedInternalStepSize) == PERIOD
 
 
 @pytest.mark.slow
 def test_a_state_is_restored_here_and_in_another_instance(opened):
-    own = opened("ditch")
-    own["duty"] = np.full(6, 0.5)
-    own.step(20)
-    unit, state = own.unit, own.unit.getFMUState()
+    local = opened("ditch")
+    local["duty"] = np.full(6, 0.5)
+    local.step(20)
+    unit, state = local.unit, local.unit.getFMUState()
     raw = unit.serializeFMUState(state)
-    own.step(20)
-    end = own["position"].copy()
+    local.step(20)
+    end = local["position"].copy()
     unit.setFMUState(state)
-    assert own["position"][0] < end[0]
-    own.step(20)
-    np.testing.assert_array_equal(own["position"], end)
-    own.unit = own.another()
-    own.unit.setFMUState(own.unit.deserializeFMUState(raw))
-    own.step(20)
-    np.testing.assert_array_equal(own["position"], end)
+    assert local["position"][0] < end[0]
+    local.step(20)
+    np.testing.assert_array_equal(local["position"], end)
+    local.unit = local.another()
+    local.unit.setFMUState(local.unit.deserializeFMUState(raw))
+    local.step(20)
+    np.testing.assert_array_equal(local["position"], end)
     unit.setFMUState(state)
-    assert own["position"][0] == end[0], "instances share nothing"
+    assert local["position"][0] == end[0], "instances share nothing"
     unit.freeFMUState(state)
 
 
 @pytest.mark.slow
 def test_soil_may_change_on_the_way_and_reset_begins_anew(opened):
     firm, weak = opened("incline"), opened("incline")
-    for own in (firm, weak):
-        own["duty"] = np.full(6, 0.6)
-        own.step(20)
+    for unit in (firm, weak):
+        unit["duty"] = np.full(6, 0.6)
+        unit.step(20)
     weak["soil.k"] = 5.0 * weak["soil.k"]
-    for own in (firm, weak):
-        own.step(60)
+    for unit in (firm, weak):
+        unit.step(60)
     assert weak["slip"].mean() > firm["slip"].mean() + 0.02
     weak.unit.reset()
     assert weak["position"][0] == 0.0
@@ -199,11 +199,11 @@ def test_soil_may_change_on_the_way_and_reset_begins_anew(opened):
                          ("soil.k", [-1.0])]
 )  # fmt: skip
 def test_what_is_not_allowed_is_refused(opened, name, values):
-    own = opened("flat")
-    before = own["duty"]
+    unit = opened("flat")
+    before = unit["duty"]
     with pytest.raises(Exception, match="fmi3SetFloat64"):
-        own[name] = values
-    np.testing.assert_array_equal(own["duty"], before)
+        unit[name] = values
+    np.testing.assert_array_equal(unit["duty"], before)
 
 
 @pytest.mark.slow
@@ -215,14 +215,14 @@ def test_a_step_of_no_whole_periods_is_refused(opened, step):
 
 @pytest.mark.slow
 def test_a_buried_rover_ends_its_simulation(opened):
-    own = opened("incline", **{"buried": 0.05, "terrain.angle_deg": 20.0})
-    own["duty"] = np.ones(6)
-    _, terminate, early, last = own.step(400)
+    unit = opened("incline", **{"buried": 0.05, "terrain.angle_deg": 20.0})
+    unit["duty"] = np.ones(6)
+    _, terminate, early, last = unit.step(400)
     assert terminate
     assert early
     assert 0.0 < last < 20.0
     with pytest.raises(Exception, match="fmi3DoStep"):
-        own.step()
+        unit.step()
 
 
 def test_command_writes_both_and_says_what_they_take(tmp_path):
@@ -238,12 +238,12 @@ def test_command_writes_both_and_says_what_they_take(tmp_path):
 def test_sources_in_the_unit_are_sound(control, tmp_path):
     """What the archive has builds as its build description says, and runs under sanitizers."""
     chosen = scenario("ditch", **({"control": control} if control else {}))
-    made = unit_of(chosen.controller, chosen.model) if control else plant(chosen.model)
-    with zipfile.ZipFile(write_unit(made, tmp_path / "unit.fmu")) as archive:
+    fmu = unit_of(chosen.controller, chosen.model) if control else plant(chosen.model)
+    with zipfile.ZipFile(write_unit(fmu, tmp_path / "unit.fmu")) as archive:
         archive.extractall(tmp_path)
     listed = re.findall(r'SourceFile name="([^"]+)"', (tmp_path / "sources" / "buildDescription.xml").read_text())
     assert set(listed) == {path.name for path in (tmp_path / "sources").glob("*.c")}
-    assert all((tmp_path / "sources" / name).read_text() == text for name, text in made.c_files.items())
+    assert all((tmp_path / "sources" / name).read_text() == text for name, text in fmu.c_files.items())
     (tmp_path / "alone").mkdir()
-    given = [0.03] if control == "cmd-vel" else [0.5] * 6
-    assert ran_sanely(made, tmp_path / "alone", given) == PERIODS
+    inputs = [0.03] if control == "cmd-vel" else [0.5] * 6
+    assert ran_sanely(fmu, tmp_path / "alone", inputs) == PERIODS

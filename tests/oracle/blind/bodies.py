@@ -71,15 +71,15 @@ class Bodies:
     def frames(self, R, angles):
         tree, runs = self.tree, angles.shape[1]
         q = self.collect @ angles
-        own = np.eye(3)[:, :, None, None] + np.sin(q) * self.skew + (1.0 - np.cos(q)) * self.skew_2
-        own = product(self.turned, own)
+        joint_rotation = np.eye(3)[:, :, None, None] + np.sin(q) * self.skew + (1.0 - np.cos(q)) * self.skew_2
+        joint_rotation = product(self.turned, joint_rotation)
         rotation = np.empty((3, 3, len(tree.links), runs))
         place = np.empty((3, len(tree.links), runs))
         rotation[:, :, 0], place[:, 0] = R, 0.0
         for level in tree.levels:
             at, up = slice(level.start + 1, level.stop + 1), tree.parent[level]
             above = rotation[:, :, up]
-            rotation[:, :, at] = product(above, own[:, :, level])
+            rotation[:, :, at] = product(above, joint_rotation[:, :, level])
             place[:, at] = place[:, up] + times(above, self.joint_place[:, level])
         axis = times(rotation[:, :, 1:], tree.axis[..., None])
         return Frames(rotation, place, axis, cross(place[:, 1:], axis))
@@ -96,8 +96,8 @@ class Bodies:
         m = self.mass
         centre = frames.place + times(frames.rotation, self.com)
         R = frames.rotation
-        own = product(R, self.tree.inertia[..., None])
-        I = own[:, 0, None] * R[None, :, 0] + own[:, 1, None] * R[None, :, 1] + own[:, 2, None] * R[None, :, 2]  # noqa: E741
+        turned = product(R, self.tree.inertia[..., None])
+        I = turned[:, 0, None] * R[None, :, 0] + turned[:, 1, None] * R[None, :, 1] + turned[:, 2, None] * R[None, :, 2]  # noqa: E741
         first = m * centre
         square = dot(first, centre)
         I = I - first[:, None] * centre[None]  # noqa: E741

@@ -53,29 +53,35 @@ def nuisance(random, wrong, vehicle=NEXUS6):
     true["constant"] = MOTOR["k_t"] * MOTOR["gear"] * np.exp(off["gear"])
     true["resistance"] = MOTOR["resistance"] * np.exp(off["resistance"])
     true |= {name: np.exp(random.uniform(*np.log(ends))) for name, ends in (("R", RESISTANCE), ("v_0", FADES))}
-    said = {name: PLAIN[name] for name in ("phi", "k", "k_1")}
-    sd = {name: SD[name] for name in said}
+    identification = {name: PLAIN[name] for name in ("phi", "k", "k_1")}
+    sd = {name: SD[name] for name in identification}
     if wrong:
-        far = {name: draw(random, WRONG_SD[name], WRONG_MOST[name]) for name in said}
-        said = {"phi": said["phi"] + far["phi"]} | {name: said[name] * np.exp(far[name]) for name in ("k", "k_1")}
-        sd = {name: float(np.hypot(SD[name], WRONG_SD[name])) for name in said}
+        deviation = {name: draw(random, WRONG_SD[name], WRONG_MOST[name]) for name in identification}
+        identification = {"phi": identification["phi"] + deviation["phi"]} | {
+            name: identification[name] * np.exp(deviation[name]) for name in ("k", "k_1")
+        }
+        sd = {name: float(np.hypot(SD[name], WRONG_SD[name])) for name in identification}
     gains = {name: (1.0 + random.uniform(-most, most, 6)).tolist() for name, most in UNLIKE.items()}
     gains = {name: [values[at] for at in vehicle.taken] for name, values in gains.items()}
     kinds = {"k": "length", "k_1": "Pa", "constant": "length", "resistance": "ohm"}
     true |= {name: true[name] * vehicle.ratio(kind) for name, kind in kinds.items()}
-    told = declared(said, sd, vehicle)
-    return {name: float(value) for name, value in true.items()}, gains, {name: told[name] for name in ("soil", "motor")}
+    declaration = declared(identification, sd, vehicle)
+    return (
+        {name: float(value) for name, value in true.items()},
+        gains,
+        {name: declaration[name] for name in ("soil", "motor")},
+    )
 
 
-def declared(said, sd, vehicle=NEXUS6):
+def declared(message, sd, vehicle=NEXUS6):
     """Return the tables [soil] and [motor] of the log; `said` and `sd` are of Nexus 6's wheels."""
-    said = said | {name: said[name] * vehicle.ratio(kind) for name, kind in (("k", "length"), ("k_1", "Pa"))}
-    own = {"resistance": "ohm", "gear": "length", "rotor_inertia": "current"}
-    constants = {name: value * vehicle.ratio(own[name]) if name in own else value for name, value in MOTOR.items()}
+    message = message | {name: message[name] * vehicle.ratio(kind) for name, kind in (("k", "length"), ("k_1", "Pa"))}
+    kinds = {"resistance": "ohm", "gear": "length", "rotor_inertia": "current"}
+    constants = {name: value * vehicle.ratio(kinds[name]) if name in kinds else value for name, value in MOTOR.items()}
     soil = {
-        "phi": {"value": round(np.degrees(said["phi"]), 2), "unit": "deg", "sd": round(np.degrees(sd["phi"]), 2)},
-        "k": {"value": round(1e3 * said["k"], 3), "unit": "mm", "sd": round(1e3 * said["k"] * sd["k"], 3)},
-        "k_1": {"value": round(said["k_1"], 0), "unit": "Pa", "sd": round(said["k_1"] * sd["k_1"], 0)},
+        "phi": {"value": round(np.degrees(message["phi"]), 2), "unit": "deg", "sd": round(np.degrees(sd["phi"]), 2)},
+        "k": {"value": round(1e3 * message["k"], 3), "unit": "mm", "sd": round(1e3 * message["k"] * sd["k"], 3)},
+        "k_1": {"value": round(message["k_1"], 0), "unit": "Pa", "sd": round(message["k_1"] * sd["k_1"], 0)},
         "c": {"value": PLAIN["c"] * vehicle.ratio("Pa"), "unit": "Pa"},
         "n": {"value": PLAIN["n"]},
         "theta_1": {"value": 35.0, "unit": "deg"},
@@ -173,10 +179,10 @@ def weaving(random):
 
 def drives(random):
     """Return (name, purpose, lane, yaw, duty, steer) of the six runs, for six wheels of which four steer."""
-    still, same = np.zeros((ROWS, 4)), holds(random)
+    still, shared_duty = np.zeros((ROWS, 4)), holds(random)
     return (
-        ("flat-1", "duty holds on the flat", FLAT, 0.0, same, still),
-        ("flat-2", "replicate of flat-1 on sand raked again", FLAT, 0.0, same, still),
+        ("flat-1", "duty holds on the flat", FLAT, 0.0, shared_duty, still),
+        ("flat-2", "replicate of flat-1 on sand raked again", FLAT, 0.0, shared_duty, still),
         ("ramp-up", "over the ramp, with a pause", RAMP, 0.0, paused(random, holds(random)), still),
         ("ramp-back", "over the ramp the other way, with a reversal", RAMP, np.pi,
          reversed_part(random, holds(random)), still),
@@ -198,12 +204,12 @@ def data_set(seed, index, kind, hidden, under="plain"):
     random = np.random.default_rng([seed, index, 1])
     vehicle = circumstance.vehicle(under)
     wrong = bool(random.random() < 0.5)
-    true, gains, said = nuisance(random, wrong, vehicle)
+    true, gains, declared_soil = nuisance(random, wrong, vehicle)
     heights = bed(random)
     numbers, faults, bend = vehicle.base(PLAIN) | true | circumstance.numbers(under), {}, 0.0
-    hidden = [each | {"numbers": vehicle.sized(each["effect"], each["numbers"])} for each in hidden]
-    for each in hidden:
-        name, values = each["effect"], each["numbers"]
+    hidden = [cause | {"numbers": vehicle.sized(cause["effect"], cause["numbers"])} for cause in hidden]
+    for cause in hidden:
+        name, values = cause["effect"], cause["numbers"]
         if name in ("TachoScale", "TrackingDelay", "VelocityFilter", "SensorBias"):
             faults[name] = values
         elif name == "SlopeError":
@@ -212,10 +218,10 @@ def data_set(seed, index, kind, hidden, under="plain"):
             numbers |= {f"{name}.{key}": value for key, value in values.items()}
     runs = []
     for at, (name, purpose, lane, yaw, duty, steer) in enumerate(drives(random)):
-        own = np.random.default_rng([seed, index, 2, at])
+        run_rng = np.random.default_rng([seed, index, 2, at])
         start = (-WAY if yaw == 0.0 else WAY, lane, yaw)
         pair = {FLAT: heights[[0, 0]], RAMP: heights[[1, 1]], WAVES: heights[[2, 3]]}[lane]
-        z = np.array([np.interp(FINE, X, row) for row in pair]) + relief(own) + bend * (FINE + WAY) ** 2 / 2
+        z = np.array([np.interp(FINE, X, row) for row in pair]) + relief(run_rng) + bend * (FINE + WAY) ** 2 / 2
         run = Run(
             numbers,
             tuple((FINE, row) for row in z),
@@ -224,15 +230,15 @@ def data_set(seed, index, kind, hidden, under="plain"):
             *vehicle.commands(duty, steer),
             gains["motor_gain"],
             (FINE[0], FINE[1] - FINE[0]),
-            strength(own),
-            snags(own),
+            strength(run_rng),
+            snags(run_rng),
         )
         runs.append((name, purpose, run))
     answer = {"kind": kind, "hidden": hidden, "wrong_nominal_soil": wrong, "true": true} | gains
     answer |= {"electric": electric(index), "under": under}
     read = {"under": under, "gravity": numbers.get("gravity", PLAIN["gravity"]), "noise": circumstance.noise(under)}
     read |= {"vehicle": vehicle}
-    return {"runs": runs, "declared": said, "heights": heights, "faults": faults, "answer": answer} | read
+    return {"runs": runs, "declared": declared_soil, "heights": heights, "faults": faults, "answer": answer} | read
 
 
 def snags(random):

@@ -39,7 +39,7 @@ def drawn(seed, index, hidden=()):
 
 def fits(name, hidden):
     """Tell whether the rover of a circumstance has what is hidden."""
-    return all(vehicle(name).has(each["effect"], each["numbers"]) for each in hidden)
+    return all(vehicle(name).has(hidden_effect["effect"], hidden_effect["numbers"]) for hidden_effect in hidden)
 
 
 def vehicle(name):
@@ -59,12 +59,12 @@ def sampled(name, channels, random):
     t = channels["t_s"]
     late = np.clip(LATE * random.standard_normal(len(t)), -LATEST, LATEST)
     at = np.clip(t + late, None, t[-1])
-    held = np.searchsorted(t, at)
-    found = {}
+    rows = np.searchsorted(t, at)
+    resampled = {}
     for name, values in channels.items():
-        whole = np.unwrap(values) if name == "body_yaw" else values
-        found[name] = values[held] if name.startswith("duty_") else np.interp(at, t, whole)
-    return found | {"t_s": at}
+        full = np.unwrap(values) if name == "body_yaw" else values
+        resampled[name] = values[rows] if name.startswith("duty_") else np.interp(at, t, full)
+    return resampled | {"t_s": at}
 
 
 def read(name, channels, random):
@@ -76,18 +76,18 @@ def read(name, channels, random):
 def patched(channels, random):
     """Return the channels with poses that are another's or not there, and without the rows that were not written."""
     t, pose = channels["t_s"], [name for name in channels if name.startswith("body_")]
-    found = {name: values.copy() for name, values in channels.items()}
+    changed = {name: values.copy() for name, values in channels.items()}
     count = int(random.integers(SPIKES[0], SPIKES[1] + 1))
     for row in random.choice(len(t), count, replace=False):
         for name in DRIFT:
             unit = "m" if name in ("body_x", "body_y", "body_z") else "rad"
-            found[name][row] += SPIKE[unit] * random.standard_normal()
+            changed[name][row] += SPIKE[unit] * random.standard_normal()
     for _ in range(2):
         blind = within(t, random, LOST_S)
         for name in pose:
-            found[name][blind] = np.nan
+            changed[name][blind] = np.nan
     silent = within(t, random, MISSED_S)
-    return {name: values[~silent] for name, values in found.items()}
+    return {name: values[~silent] for name, values in changed.items()}
 
 
 def within(t, random, duration):
@@ -111,18 +111,18 @@ def drifting(channels, random):
 
 def counted(channels, random):
     """Return the channels with wheel rates from whole counts between two rows, and angles in coarse steps."""
-    t, found = channels["t_s"], dict(channels)
+    t, encoded = channels["t_s"], dict(channels)
     step = 2 * np.pi / COUNTS
     for name in [name for name in channels if name.startswith("wheel_rate_")]:
         rate = channels[name]
         dt = np.diff(t, prepend=2 * t[0] - t[1])
         turned = np.cumsum(rate * dt) + random.uniform(0.0, step)
         counts = np.floor(np.concatenate(([turned[0] - rate[0] * dt[0]], turned)) / step)
-        found[name] = np.diff(counts) * step / dt
+        encoded[name] = np.diff(counts) * step / dt
     for name in channels:
         if name.startswith(("steer_", "rocker_", "bogie_")):
-            found[name] = COARSE_ANGLE * np.round(channels[name] / COARSE_ANGLE)
-    return found
+            encoded[name] = COARSE_ANGLE * np.round(channels[name] / COARSE_ANGLE)
+    return encoded
 
 
 def noise(name, sample_period=0.05):

@@ -40,23 +40,25 @@ def climbs(truths, seed, duration=DURATION):
     """Return the true channels of a climb a row of `truths` (dictionaries of numbers), all driven at once."""
     runs = [run(numbers, np.random.default_rng([seed, at]), duration) for at, numbers in enumerate(truths)]
     channels = drive(runs, duration)
-    return [(one, {name: values[at] for name, values in channels.items()}) for at, one in enumerate(runs)]
+    return [(climb_run, {name: values[at] for name, values in channels.items()}) for at, climb_run in enumerate(runs)]
 
 
 def write_climb(folder, climb, seed, electric=True, sure=False):
     """Write what sensors make of a climb: noise, six tachometers' gains, a torque constant declared a little off."""
-    one, channels = climb
+    item, channels = climb
     random = np.random.default_rng(seed)
     gains = 1.0 + (0.0 if sure else TACHO_SPREAD) * random.standard_normal(6)
     off = 1.0 + (0.0 if sure else CONSTANTS_SD) * random.standard_normal()
     logged = measured(channels, {}, gains, random, electric)
-    about = declared({name: PLAIN[name] for name in ("phi", "k", "k_1")}, {"phi": 0.05, "k": 1.0, "k_1": 0.1})
-    about["motor"] = {name: {k: v for k, v in entry.items() if k != "sd"} for name, entry in about["motor"].items()}
+    declaration = declared({name: PLAIN[name] for name in ("phi", "k", "k_1")}, {"phi": 0.05, "k": 1.0, "k_1": 0.1})
+    declaration["motor"] = {
+        name: {k: v for k, v in entry.items() if k != "sd"} for name, entry in declaration["motor"].items()
+    }
     # A torque K i alone changes with k_t where the gear makes up for it in the back-EMF: none is measured by current.
-    about["motor"]["k_t"]["value"] = MOTOR["k_t"] * off
+    declaration["motor"]["k_t"]["value"] = MOTOR["k_t"] * off
     plan = {
-        "runs": [("climb", "a slope that steepens", one)],
-        "declared": about,
+        "runs": [("climb", "a slope that steepens", item)],
+        "declared": declaration,
         "heights": [slope(X)],
         "X": X,
         "borders": (),

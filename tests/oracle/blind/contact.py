@@ -81,10 +81,10 @@ class Contact:
         y = np.abs(z[both])
         most = 0.5 + 0.25 * y * (3.0 - y * y)
         mixed = []
-        for one, other in zip(load, sub, strict=True):
-            one = one.copy()
-            one[both] = most * one[both] + (1.0 - most) * other
-            mixed.append(one)
+        for array, second in zip(load, sub, strict=True):
+            array = array.copy()
+            array[both] = most * array[both] + (1.0 - most) * second
+            mixed.append(array)
         return Load(*mixed)
 
     def sensed(self, p, sense, speeds, along, across, dug):
@@ -161,7 +161,7 @@ class Contact:
         if "PeakStress" in on:
             grown, extra = peaked
             carried = (1.0 + grown) * f_n * extra
-            f_n, f_y, f_t, torque = ((1.0 + grown) * each for each in (f_n, f_y, f_t, torque))
+            f_n, f_y, f_t, torque = ((1.0 + grown) * force for force in (f_n, f_y, f_t, torque))
             f_t, torque = f_t + paid * carried / r, torque + carried
         gain = 0.0
         if "PostPeak" in on:
@@ -206,15 +206,15 @@ def bank(h, phi, c, gamma):
 def peak(S, arms, p, soil, f_n, factor):
     """Return by what share f_n grows and by how much torque / (r f_n) then changes, times r."""
     r, b, share = p["r"], p["b"], p["PeakStress.share"]
-    found = []
+    peaks = []
     for theta_1, theta_2 in arms:
         edge = 0.02 * (theta_1 - theta_2)
         theta_m = (p["PeakStress.a_0"] + p["PeakStress.a_1"] * S) * theta_1
         theta_m = np.clip(theta_m, theta_2 + edge, theta_1 - edge)
-        found.append(soils.peaked_forces(S, theta_1, theta_m, theta_2, soil, r, b))
-    grown = share * (found[0][0] / f_n - 1.0)
-    ratio = share * found[0][0] / f_n
-    return grown, ratio / (1.0 + grown) * (found[1][1] / found[1][0] - factor)
+        peaks.append(soils.peaked_forces(S, theta_1, theta_m, theta_2, soil, r, b))
+    grown = share * (peaks[0][0] / f_n - 1.0)
+    ratio = share * peaks[0][0] / f_n
+    return grown, ratio / (1.0 + grown) * (peaks[1][1] / peaks[1][0] - factor)
 
 
 def patch(x, x_from, length):
@@ -224,7 +224,7 @@ def patch(x, x_from, length):
 
 def part_of(value, index):
     if isinstance(value, soils.Arc):
-        return soils.Arc(*(each[:, index] for each in value))
+        return soils.Arc(*(array[:, index] for array in value))
     return None if value is None else value[index]
 
 

@@ -74,12 +74,12 @@ def rest(rovers, step=0.005, first=200, second=350, stages=6):
     state = set_down(rovers, x, y, yaw)
     vehicle = rovers.vehicle
     steer, duty = np.zeros((len(vehicle.steered), world.size)), np.zeros((len(vehicle.wheels), world.size))
-    held = np.zeros(rovers.cuts[-1] + 1, dtype=bool)
+    is_held = np.zeros(rovers.cuts[-1] + 1, dtype=bool)
     for count, shearing in ((first, False), (second, True)):
-        held[:] = False
-        held[rovers.wheels] = True
+        is_held[:] = False
+        is_held[rovers.wheels] = True
         if not shearing:
-            held[[0, 1, 5]], held[size:] = True, True
+            is_held[[0, 1, 5]], is_held[size:] = True, True
         for _ in range(count):
             state = drifted(state, step / 2, size)
             pose = rovers.pose(state, steer, step, braked=True)
@@ -87,7 +87,7 @@ def rest(rovers, step=0.005, first=200, second=350, stages=6):
                 lambda t, y, at=pose: rovers.rates(t, y, at, duty, braked=True), 0.0, state.fast, step, stages
             )
             fast[:size] *= 0.85
-            fast[held] = 0.0
+            fast[is_held] = 0.0
             fast[rovers.cuts[2] :] = 0.0
             state = drifted(state._replace(fast=fast), step / 2, size)
     state.fast[:size] = 0.0
@@ -147,7 +147,7 @@ def sampled(rovers, t, state, record, duty):
         row[f"wheel_rate_{name}"] = u[rovers.wheels[i]] + slack[i]
         row[f"current_{name}_A"] = record["current"][i]
         row[f"slip_{name}"] = record["slip"][i]
-    for name in (*vehicle.angles, *(f"steer_{each}" for each in vehicle.steered)):
+    for name in (*vehicle.angles, *(f"steer_{wheel}" for wheel in vehicle.steered)):
         row[name] = turned[tree.joints.index(name)]
     for i, axis in enumerate("xyz"):
         row[f"body_{axis}"], row[f"body_v{axis}"] = state.place[i], u[i]

@@ -64,10 +64,10 @@ def between(duty, begin, end, factor):
 
 def drives(random):
     """Return (name, purpose, y, x, yaw, duties) of the runs."""
-    same = np.full((ROWS, 6), 0.55)
+    constant_duty = np.full((ROWS, 6), 0.55)
     return (
-        ("climb-1", "Fig 8: constant duty up a slope that steepens", SLOPE, 0.0, 0.0, same),
-        ("climb-2", "the same on sand raked again", SLOPE, 0.0, 0.0, same),
+        ("climb-1", "Fig 8: constant duty up a slope that steepens", SLOPE, 0.0, 0.0, constant_duty),
+        ("climb-2", "the same on sand raked again", SLOPE, 0.0, 0.0, constant_duty),
         ("climb-steps", "the same slope, duties in steps, a pause where the wheels have dug", SLOPE, 0.1, 0.0,
          between(steps(random, 0.45, 0.8), 24.0, 27.0, 0.0)),
         ("climb-back", "up until it slips, back, and up again", SLOPE, 0.2, 0.0,
@@ -85,18 +85,18 @@ def plan(seed=SEED, true=TRUE):
     gains["tacho"] = 1.0 + campaign.TACHO_SPREAD * random.standard_normal(6)
     heights, runs = np.round([np.zeros(len(X)), height(X)], 5), []
     for at, (name, purpose, y, x, yaw, duty) in enumerate(drives(random)):
-        own = np.random.default_rng([seed, 1, at])
+        run_rng = np.random.default_rng([seed, 1, at])
         row = heights[1 if y > BORDER else 0]
-        z = np.interp(FINE, X, row) + campaign.relief(own, FINE)
+        z = np.interp(FINE, X, row) + campaign.relief(run_rng, FINE)
         run = Run(
-            dict(true), tuple((FINE, each) for each in z), (y,), (x, y, yaw), duty, None, tuple(gains["motor"]),
-            (FINE[0], FINE[1] - FINE[0]), campaign.strength(own, FINE),
+            dict(true), tuple((FINE, height) for height in z), (y,), (x, y, yaw), duty, None, tuple(gains["motor"]),
+            (FINE[0], FINE[1] - FINE[0]), campaign.strength(run_rng, FINE),
         )  # fmt: skip
         runs.append((name, purpose, run))
     declared = campaign.declared(SAID, SAID_SD)
     declared["motor"] |= {name: declared["motor"][name] | {"sd": 0.02 * declared["motor"][name]["value"]}
                           for name in ("gear", "resistance")}  # fmt: skip
-    about = {
+    metadata = {
         "source": "Simulated, not measured: tests/oracle/blind/fig8.py, a second simulator that shares no code with "
         "the package, with the noise of the test bed's sensors; it stands in for Fig 8's experiment, not published",
         "licence": "MIT, as this repository",
@@ -105,7 +105,7 @@ def plan(seed=SEED, true=TRUE):
             *told(seed, true),
         ),
     }
-    return {"runs": runs, "declared": declared, "heights": heights, "X": X, "borders": (BORDER,)} | about, gains
+    return {"runs": runs, "declared": declared, "heights": heights, "X": X, "borders": (BORDER,)} | metadata, gains
 
 
 def told(seed, true):

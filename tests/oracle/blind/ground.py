@@ -23,8 +23,8 @@ class Ground:
     def __init__(self, runs, beside=BESIDE):
         """Every run is (lanes as (x, z), borders)."""
         self.beside = beside
-        lanes = max(len(each[0]) for each in runs)
-        points = max(len(x) for each in runs for x, _ in each[0]) + 2 * beside + 2
+        lanes = max(len(run[0]) for run in runs)
+        points = max(len(x) for run in runs for x, _ in run[0]) + 2 * beside + 2
         self.x = np.empty((lanes, points, len(runs)))
         self.z = np.empty_like(self.x)
         self.borders = np.full((lanes - 1, len(runs)), np.inf)
@@ -108,29 +108,29 @@ def touch(ground, centre, axle, r):
     high[:-1] = np.minimum(high[:-1], edge - slope[:-1])
     cosine = np.cos(theta)
     deepest = np.cos(np.clip(0.0, low, np.maximum(high, low))) - cosine
-    near = (np.maximum(s[1:], s[:-1]) >= -r) & (np.minimum(s[1:], s[:-1]) <= r)
-    found = (h > 1e-7 * r) & (low < high) & (deepest > 1e-12) & near
-    _, wheel, run = np.nonzero(found)
-    theta, low, high, cosine = theta[found], low[found], high[found], cosine[found]
-    held = np.minimum(h[found], DEEPEST * r)
-    whole_angle = np.arccos(1.0 - held / r)
-    sine_whole, cosine_whole = np.sin(whole_angle), 1.0 - held / r
-    whole = whole_angle - sine_whole * cosine_whole
+    close = (np.maximum(s[1:], s[:-1]) >= -r) & (np.minimum(s[1:], s[:-1]) <= r)
+    touching = (h > 1e-7 * r) & (low < high) & (deepest > 1e-12) & close
+    _, wheel, run = np.nonzero(touching)
+    theta, low, high, cosine = theta[touching], low[touching], high[touching], cosine[touching]
+    bounded_depth = np.minimum(h[touching], DEEPEST * r)
+    whole_angle = np.arccos(1.0 - bounded_depth / r)
+    sine_whole, cosine_whole = np.sin(whole_angle), 1.0 - bounded_depth / r
+    full_arc = whole_angle - sine_whole * cosine_whole
     whole_turn = 2.0 * (sine_whole - whole_angle * cosine_whole)
     sin_low, sin_high, cos_low, cos_high = np.sin(low), np.sin(high), np.cos(low), np.cos(high)
     pressed = 0.5 * (high - low + sin_high * cos_high - sin_low * cos_low) - cosine * (sin_high - sin_low)
     turned = sin_high - sin_low - cosine * (high - low)
     leaned = 0.5 * (np.maximum(cos_low - cosine, 0.0) ** 2 - np.maximum(cos_high - cosine, 0.0) ** 2)
-    dX, dZ = (X[1:] - X[:-1])[found], (Z[1:] - Z[:-1])[found]
+    dX, dZ = (X[1:] - X[:-1])[touching], (Z[1:] - Z[:-1])[touching]
     flip = np.sign(dX) / np.hypot(dX, dZ)
     normal = np.stack((-dZ * flip, np.zeros_like(flip), dX * flip))
-    inward = n_s[found] * forward[:, wheel, run] + n_t[found] * up[:, wheel, run]
+    inward = n_s[touching] * forward[:, wheel, run] + n_t[touching] * up[:, wheel, run]
     runs = centre.shape[2]
     pieces = Pieces(
-        wheel * runs + run, held, pressed / whole, leaned / whole, turned / whole_turn, normal, inward,
-        r * deepest[found],
+        wheel * runs + run, bounded_depth, pressed / full_arc, leaned / full_arc, turned / whole_turn, normal, inward,
+        r * deepest[touching],
     )  # fmt: skip
-    free = ~found.any(axis=0)
+    free = ~touching.any(axis=0)
     return with_free(pieces, free, up) if free.any() else pieces
 
 

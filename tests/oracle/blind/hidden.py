@@ -109,11 +109,11 @@ SHARES = {"single": 0.40, "pair": 0.08, "none": 0.20, "off-list": 0.15, "sensor"
 
 def composition(count, shares, random):
     """Return the kind of each set, as near to the shares as whole numbers allow, shuffled."""
-    whole = {kind: int(count * share) for kind, share in shares.items()}
-    rest = {kind: count * share - whole[kind] for kind, share in shares.items()}
-    for kind in sorted(rest, key=rest.get, reverse=True)[: count - sum(whole.values())]:
-        whole[kind] += 1
-    kinds = [kind for kind, number in whole.items() for _ in range(number)]
+    full = {kind: int(count * share) for kind, share in shares.items()}
+    fractions = {kind: count * share - full[kind] for kind, share in shares.items()}
+    for kind in sorted(fractions, key=fractions.get, reverse=True)[: count - sum(full.values())]:
+        full[kind] += 1
+    kinds = [kind for kind, number in full.items() for _ in range(number)]
     return [kinds[i] for i in random.permutation(count)]
 
 

@@ -57,7 +57,7 @@ def about(name, plan, grounds, sample_period):
     lines += [f"{key} = {inline({'value': noise[key], 'unit': unit})}" for key, (unit, _) in NOISE.items()]
     lines += [f"sample_period = {inline({'value': sample_period, 'unit': 's'})}"]
     for name, purpose, run in plan["runs"]:
-        x, y, yaw = (float(each) for each in run.start)
+        x, y, yaw = (float(coordinate) for coordinate in run.start)
         lines += ["", "[[run]]", f'file = "{name}.csv"', f"start = {inline({'x': x, 'y': y, 'yaw': yaw})}"]
         lines += [f"purpose = {json.dumps(purpose)}"]
     return "\n".join(lines) + "\n"

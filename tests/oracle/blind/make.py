@@ -22,12 +22,12 @@ def main():
     reader.add_argument("--under", choices=["any", *circumstance.NAMES], default="plain", help="how they are driven")
     reader.add_argument("--workers", type=int, default=1, help="processes")
     reader.add_argument("--answers", type=Path, help="file for the answers; default: DIR-answers.json beside DIR")
-    asked = reader.parse_args()
-    out = asked.out.resolve()
-    answers = asked.answers or out.with_name(f"{out.name}-answers.json")
-    sets = sealed.plan(asked.seed, asked.sets, only=asked.only, under=asked.under)
-    sealed.generate(out, sets, asked.seed, answers, asked.workers)
-    print(f"{asked.sets} sets in {out}; answers in {answers}, sealed by {out / sealed.SEAL}")
+    args = reader.parse_args()
+    out = args.out.resolve()
+    answers = args.answers or out.with_name(f"{out.name}-answers.json")
+    sets = sealed.plan(args.seed, args.sets, only=args.only, under=args.under)
+    sealed.generate(out, sets, args.seed, answers, args.workers)
+    print(f"{args.sets} sets in {out}; answers in {answers}, sealed by {out / sealed.SEAL}")
 
 
 if __name__ == "__main__":

@@ -29,9 +29,9 @@ class Motors:
         hub = omega
         if self.loose.any():
             grip = np.where(np.sin(angle + w["LooseWheel.phase"]) > SECTOR, w["LooseWheel.hold"], 1e3) / K
-            held = np.clip(current, -grip, grip)
-            held = np.where(self.loose > 0.0, held, current)
-            hub, current = omega + (current - held) * R / K, held
+            clipped = np.clip(current, -grip, grip)
+            clipped = np.where(self.loose > 0.0, clipped, current)
+            hub, current = omega + (current - clipped) * R / K, clipped
         torque = K * current * w["motor_gain"]
         torque = torque - w["GearFriction.tau_c"] * windup - w["ViscousFriction.b_v"] * omega
         torque = torque - w["StribeckFriction.tau_s"] * windup * np.exp(-((omega / w["StribeckFriction.w_s"]) ** 2))

@@ -97,10 +97,10 @@ class Rovers:
         axle = frames.axis[:, self.wheel_joint]
         pieces = touch(self.ground, centre, axle, w["r"][0])
         order = np.argsort(pieces.wheel, kind="stable")
-        pieces = Pieces(*(each[..., order] for each in pieces))
+        pieces = Pieces(*(piece[..., order] for piece in pieces))
         ends = np.searchsorted(pieces.wheel, np.arange(self.count * runs))
-        own = axle.reshape(3, -1)[:, pieces.wheel]
-        forward = cross(own, pieces.normal)
+        wheel_axles = axle.reshape(3, -1)[:, pieces.wheel]
+        forward = cross(wheel_axles, pieces.normal)
         forward /= np.sqrt(dot(forward, forward))
         side = cross(pieces.normal, forward)
         p = self.contact.place(pieces, centre[0], self.side)
@@ -138,13 +138,13 @@ class Rovers:
         spin, velocity = self.bodies.speeds(pose.frames, u, self.rows)
         pieces, runs = pose.pieces, self.world.size
         at_centre = velocity + cross(spin, pose.centre)
-        own = pieces.wheel
-        v = at_centre.reshape(3, -1)[:, own]
-        axle = pose.axle.reshape(3, -1)[:, own]
-        run = own % runs
-        rim = (self.r * dot(pose.axle, spin)).ravel()[own]
+        wheel_axles = pieces.wheel
+        v = at_centre.reshape(3, -1)[:, wheel_axles]
+        axle = pose.axle.reshape(3, -1)[:, wheel_axles]
+        run = wheel_axles % runs
+        rim = (self.r * dot(pose.axle, spin)).ravel()[wheel_axles]
         speeds = np.stack((dot(pose.forward, v), dot(pose.side, v), -dot(pieces.normal, v), rim))
-        load = self.contact.load(pose.p, speeds, *(each.ravel()[own] for each in (along, across, dug)))
+        load = self.contact.load(pose.p, speeds, *(array.ravel()[wheel_axles] for array in (along, across, dug)))
         share, lean = pieces.share, pieces.lean
         f_t, f_y, f_n = load.f_t, load.f_y, load.f_n
         push = (share * f_t - lean * f_n) * pose.forward + share * f_y * pose.side
@@ -180,9 +180,9 @@ class Rovers:
         if self.soft:
             twist = (C @ pose.angles)[self.rockers].sum(axis=0)
             half = 0.5 * w["DifferentialCompliance.backlash"]
-            beyond = twist - np.clip(twist, -half, half)
-            pull = beyond + w["DifferentialCompliance.relaxation"] * rate[self.rockers].sum(axis=0)
-            torque[self.rockers] -= np.where(beyond != 0.0, pull, 0.0) / w["DifferentialCompliance.compliance"]
+            outside = twist - np.clip(twist, -half, half)
+            pull = outside + w["DifferentialCompliance.relaxation"] * rate[self.rockers].sum(axis=0)
+            torque[self.rockers] -= np.where(outside != 0.0, pull, 0.0) / w["DifferentialCompliance.compliance"]
         force[6:] += C.T @ torque
 
     def outside(self, force, t, u, pose):
@@ -190,9 +190,9 @@ class Rovers:
         w = self.world
         if not any(map(w.has, ("TetherDrag.f_0", "TetherDrag.f_1", "SpringTether.k", "Snag.force"))):
             return
-        far = np.hypot(*(pose.place[:2] - self.anchor))
-        pull = w["TetherDrag.f_0"] + w["TetherDrag.f_1"] * far
-        pull = pull + w["SpringTether.k"] * np.maximum(far - w["SpringTether.slack"], 0.0)
+        tether_length = np.hypot(*(pose.place[:2] - self.anchor))
+        pull = w["TetherDrag.f_0"] + w["TetherDrag.f_1"] * tether_length
+        pull = pull + w["SpringTether.k"] * np.maximum(tether_length - w["SpringTether.slack"], 0.0)
         pull = pull + w["Snag.force"] * snagging(w.runs, t)
         force[:2] -= pull * u[:2] / np.sqrt(u[0] ** 2 + u[1] ** 2 + w["TetherDrag.v_0"] ** 2)
 
@@ -204,11 +204,11 @@ def loaded(tree, world):
     mass = np.repeat(tree.mass[:, None], world.size, axis=1)
     com = np.repeat(tree.com[:, :, None], world.size, axis=2)
     base, added = tree.mass[0], world["PointMass.m"]
-    whole = tree.mass.sum()
+    total_mass = tree.mass.sum()
     shift = np.stack((world["PointMass.shift_x"], np.zeros(world.size), world["PointMass.shift_z"]))
     centre = rest_centre(tree)
     mass[0] += added
-    com[:, 0] = (base * tree.com[:, :1] + added * centre[:, None] + (whole + added) * shift) / (base + added)
+    com[:, 0] = (base * tree.com[:, :1] + added * centre[:, None] + (total_mass + added) * shift) / (base + added)
     return mass, com
 
 

@@ -36,28 +36,30 @@ def plan(seed, count, shares=None, only=None, under="plain"):
         "sensor": iter(hidden.dealt(sorted(hidden.SENSOR), count, random)),
         "other-law": iter(hidden.dealt(sorted(hidden.OTHER_LAWS), count, random)),
     }
-    found = []
+    plan_list = []
     for index, kind in enumerate(kinds, 1):
-        own = np.random.default_rng([seed, index, 0])
+        set_rng = np.random.default_rng([seed, index, 0])
         names = {
             "only": lambda: [] if only == "none" else [only],
             "none": list,
             "single": lambda: [next(listed)],
             "pair": lambda: pair(listed),
         }.get(kind, lambda kind=kind: [next(decks[kind])])()
-        one = {"index": index, "kind": kind, "hidden": [hidden.truth(name, own) for name in names]}
-        fit = under if circumstance.fits(under, one["hidden"]) else "plain"
-        found.append(one | {"under": circumstance.drawn(seed, index, one["hidden"]) if under == "any" else fit})
-    return found
+        plan_of_set = {"index": index, "kind": kind, "hidden": [hidden.truth(name, set_rng) for name in names]}
+        fit = under if circumstance.fits(under, plan_of_set["hidden"]) else "plain"
+        plan_list.append(
+            plan_of_set | {"under": circumstance.drawn(seed, index, plan_of_set["hidden"]) if under == "any" else fit}
+        )
+    return plan_list
 
 
-def planned(seed, one):
-    return data_set(seed, one["index"], one["kind"], one["hidden"], one.get("under", "plain"))
+def planned(seed, set_plan):
+    return data_set(seed, set_plan["index"], set_plan["kind"], set_plan["hidden"], set_plan.get("under", "plain"))
 
 
 def pair(listed):
-    one = next(listed)
-    return [one, next(name for name in listed if name != one)]
+    first = next(listed)
+    return [first, next(name for name in listed if name != first)]
 
 
 def folder_of(out, index):
@@ -70,7 +72,7 @@ def generate(out, sets, seed, answers, workers=1, duration=DURATION):
     assert out.resolve() not in answers.resolve().parents, "keep the answers out of the sets' folder"
     out.mkdir(parents=True, exist_ok=True)
     seal(out, sets, seed, answers)
-    waiting = [each for each in sets if not folder_of(out, each["index"]).exists()]
+    waiting = [set_plan for set_plan in sets if not folder_of(out, set_plan["index"]).exists()]
     batches = list(batched(waiting))
     if workers <= 1 or len(batches) <= 1:
         for batch in batches:
@@ -83,9 +85,11 @@ def generate(out, sets, seed, answers, workers=1, duration=DURATION):
 
 def seal(out, sets, seed, answers):
     """Write the answers once, and their hash beside the sets; an answer that has changed since is refused."""
-    told = [{"set": folder_of(out, each["index"]).name} | planned(seed, each)["answer"] for each in sets]
+    answer_list = [
+        {"set": folder_of(out, set_plan["index"]).name} | planned(seed, set_plan)["answer"] for set_plan in sets
+    ]
     salt = json.loads(answers.read_text())["salt"] if answers.exists() else secrets.token_hex(16)
-    text = json.dumps({"salt": salt, "seed": seed, "sets": told}, indent=1) + "\n"
+    text = json.dumps({"salt": salt, "seed": seed, "sets": answer_list}, indent=1) + "\n"
     digest = hashlib.sha256(text.encode()).hexdigest()
     mark = out / SEAL
     if mark.exists() and mark.read_text().split()[0] != digest:
@@ -110,39 +114,39 @@ def batched(sets):
     A batch is of one rover, and pays for every costly law that one of its runs has, so that these are kept together.
     """
 
-    def dear(each):
-        return sorted(COSTLY.index(one["effect"]) for one in each["hidden"] if one["effect"] in COSTLY)
+    def dear(set_plan):
+        return sorted(COSTLY.index(cause["effect"]) for cause in set_plan["hidden"] if cause["effect"] in COSTLY)
 
-    ordered = sorted(sets, key=lambda each: dear(each) or [-1])
+    ordered = sorted(sets, key=lambda set_plan: dear(set_plan) or [-1])
 
-    def tree(each):
-        return vehicle_of(each).name, any(one["effect"] == SOFT for one in each["hidden"])
+    def tree(set_plan):
+        return vehicle_of(set_plan).name, any(cause["effect"] == SOFT for cause in set_plan["hidden"])
 
     for kind in ((name, soft) for name in KNOWN for soft in (False, True)):
-        alike = [each for each in ordered if tree(each) == kind]
-        yield from (alike[i : i + BATCH] for i in range(0, len(alike), BATCH))
+        same_tree = [set_plan for set_plan in ordered if tree(set_plan) == kind]
+        yield from (same_tree[i : i + BATCH] for i in range(0, len(same_tree), BATCH))
 
 
-def vehicle_of(each):
-    return circumstance.vehicle(each.get("under", "plain"))
+def vehicle_of(set_plan):
+    return circumstance.vehicle(set_plan.get("under", "plain"))
 
 
 def drive_batch(out, seed, sets, duration=DURATION):
     """Drive the runs of some sets at once, and write each set."""
-    plans = [planned(seed, each) for each in sets]
-    runs = [run for each in plans for _, _, run in each["runs"]]
+    plans = [planned(seed, set_plan) for set_plan in sets]
+    runs = [run for set_plan in plans for _, _, run in set_plan["runs"]]
     vehicle = vehicle_of(sets[0])
     true = drive(runs, duration, vehicle=vehicle)
     at = 0
-    for each, own in zip(sets, plans, strict=True):
+    for set_plan, drive_plan in zip(sets, plans, strict=True):
         logged = []
-        for number, _ in enumerate(own["runs"]):
-            random = np.random.default_rng([seed, each["index"], 3, number])
+        for number, _ in enumerate(drive_plan["runs"]):
+            random = np.random.default_rng([seed, set_plan["index"], 3, number])
             channels = {name: values[at] for name, values in true.items()}
-            own_time = np.random.default_rng([seed, each["index"], 5, number])
-            channels = circumstance.sampled(own["under"], channels, own_time)
-            faults, gains = own["faults"], own["answer"]["tacho_gain"]
-            read = measured(channels, faults, gains, random, electric(each["index"]), vehicle)
-            logged.append(circumstance.read(own["under"], read, random))
+            own_time = np.random.default_rng([seed, set_plan["index"], 5, number])
+            channels = circumstance.sampled(drive_plan["under"], channels, own_time)
+            faults, gains = drive_plan["faults"], drive_plan["answer"]["tacho_gain"]
+            read = measured(channels, faults, gains, random, electric(set_plan["index"]), vehicle)
+            logged.append(circumstance.read(drive_plan["under"], read, random))
             at += 1
-        write_set(folder_of(out, each["index"]), own, logged)
+        write_set(folder_of(out, set_plan["index"]), drive_plan, logged)

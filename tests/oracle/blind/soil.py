@@ -74,8 +74,8 @@ def peaked_forces(S, theta_1, theta_m, theta_2, soil, r, b):
     front, rear = theta_1 - theta_m, theta_m - theta_2
     stress = np.maximum(np.cos(theta_1 - front * PSI) - np.cos(theta_1), 1e-300) ** n
     for theta, length in ((theta_1 - front * PSI, front), (theta_2 + rear * PSI, rear)):
-        held = mobilised(theta_1 - theta, np.sin(theta_1) - np.sin(theta), ratio, r / soil["k"])
-        shear = (soil["c"] / scale + soil["tan_phi"] * stress) * held
+        mobilised_share = mobilised(theta_1 - theta, np.sin(theta_1) - np.sin(theta), ratio, r / soil["k"])
+        shear = (soil["c"] / scale + soil["tan_phi"] * stress) * mobilised_share
         weight = length * WEIGHT
         f_n = f_n + np.sum(weight * (stress * np.cos(theta) + shear * np.sin(theta)), axis=0)
         torque = torque + np.sum(weight * shear, axis=0)

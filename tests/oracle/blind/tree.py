@@ -39,33 +39,33 @@ class Tree:
 def read(text, rigid_differential=True):
     """Return the tree of a URDF; with a compliant differential both rockers are independent."""
     root = ElementTree.fromstring(text)
-    links = {each.get("name"): each for each in root.findall("link")}
-    joints = {each.get("name"): each for each in root.findall("joint")}
-    children = {each.find("child").get("link") for each in joints.values()}
+    links = {element.get("name"): element for element in root.findall("link")}
+    joints = {element.get("name"): element for element in root.findall("joint")}
+    children = {element.find("child").get("link") for element in joints.values()}
     order, levels, front = [], [], [name for name in links if name not in children]
     names = list(front)
     while front:
-        below = [key for key, each in joints.items() if each.find("parent").get("link") in front]
+        below = [key for key, element in joints.items() if element.find("parent").get("link") in front]
         if below:
             levels.append(slice(len(order), len(order) + len(below)))
         order += below
         front = [joints[key].find("child").get("link") for key in below]
         names += front
-    found = [joints[key] for key in order]
-    parent = np.array([names.index(each.find("parent").get("link")) for each in found])
+    ordered = [joints[key] for key in order]
+    parent = np.array([names.index(element.find("parent").get("link")) for element in ordered])
     above = np.zeros((len(names), len(order)))
     for j in range(len(order)):
         above[j + 1] = above[parent[j]]
         above[j + 1, j] = 1.0
     leads = {}
-    for key, each in zip(order, found, strict=True):
-        mimic = each.find("mimic") if rigid_differential else None
+    for key, element in zip(order, ordered, strict=True):
+        mimic = element.find("mimic") if rigid_differential else None
         leads[key] = (key, 1.0) if mimic is None else (mimic.get("joint"), float(mimic.get("multiplier")))
     free = [key for key in order if leads[key][0] == key]
     collect = np.zeros((len(order), len(free)))
     for j, key in enumerate(order):
         collect[j, free.index(leads[key][0])] = leads[key][1]
-    places, turns = zip(*(origin(each) for each in found), strict=True)
+    places, turns = zip(*(origin(element) for element in ordered), strict=True)
     masses, centres, inertias = zip(*(massive(links[name]) for name in names), strict=True)
     return Tree(
         joints=order,
@@ -74,8 +74,8 @@ def read(text, rigid_differential=True):
         levels=levels,
         place=np.stack(places, axis=-1),
         turned=np.stack(turns, axis=-1),
-        axis=np.stack([vector(each.find("axis").get("xyz")) for each in found], axis=-1),
-        limits=np.stack([limits(each) for each in found], axis=-1),
+        axis=np.stack([vector(element.find("axis").get("xyz")) for element in ordered], axis=-1),
+        limits=np.stack([limits(element) for element in ordered], axis=-1),
         mass=np.array(masses),
         com=np.stack(centres, axis=-1),
         inertia=np.stack(inertias, axis=-1),
@@ -86,7 +86,7 @@ def read(text, rigid_differential=True):
 
 
 def vector(text):
-    return np.array([float(each) for each in (text or "0 0 0").split()])
+    return np.array([float(word) for word in (text or "0 0 0").split()])
 
 
 def turn(rpy):
@@ -103,15 +103,15 @@ def origin(element):
 
 
 def massive(link):
-    about = link.find("inertial")
-    centre, R = origin(about)
+    inertial = link.find("inertial")
+    centre, R = origin(inertial)
     ixx, ixy, ixz, iyy, iyz, izz = (
-        float(about.find("inertia").get(key)) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        float(inertial.find("inertia").get(key)) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
-    own = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-    return float(about.find("mass").get("value")), centre, R @ own @ R.T
+    inertia_matrix = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+    return float(inertial.find("mass").get("value")), centre, R @ inertia_matrix @ R.T
 
 
 def limits(joint):
-    found = joint.find("limit")
-    return np.array([-np.inf, np.inf] if found is None else [float(found.get("lower")), float(found.get("upper"))])
+    limit = joint.find("limit")
+    return np.array([-np.inf, np.inf] if limit is None else [float(limit.get("lower")), float(limit.get("upper"))])

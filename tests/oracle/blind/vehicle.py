@@ -67,17 +67,17 @@ class Vehicle:
     def has(self, effect, numbers):
         """Tell whether it has what an effect acts in: a suspension, this wheel, this channel."""
         wheel, channel = numbers.get("wheel"), numbers.get("channel", "")
-        known = wheel in (None, "", *self.wheels, *self.taken)
-        return known and (bool(self.angles) or not (effect in PARTS or channel.startswith(("rocker_", "bogie_"))))
+        is_known = wheel in (None, "", *self.wheels, *self.taken)
+        return is_known and (bool(self.angles) or not (effect in PARTS or channel.startswith(("rocker_", "bogie_"))))
 
     def sized(self, effect, numbers):
         """Return an effect's numbers in proportion, wheels by their own count."""
-        found = {}
+        sized_numbers = {}
         for key, value in numbers.items():
             kind = SIZED.get(f"{effect}.{key}")
             value = value if kind is None else value * self.ratio(kind)
-            found[key] = self.taken.index(value) if key == "wheel" and not isinstance(value, str) else value
-        return found
+            sized_numbers[key] = self.taken.index(value) if key == "wheel" and not isinstance(value, str) else value
+        return sized_numbers
 
     def base(self, plain):
         """Return the numbers of a run that are not Nexus 6's: wheels, inertia of motors, servos, stops, contact."""
@@ -129,7 +129,7 @@ CART = Vehicle(
     load=(CART_MASS + 4 * CART_WHEEL) / 4 / (MASS / 6), mass=(CART_MASS + 4 * CART_WHEEL) / MASS,
 )  # fmt: skip
 """Wheels of 60 mm radius and width, 0.32 m apart along and 0.30 m across."""
-KNOWN = {each.name: each for each in (NEXUS6, HEAVY, CART)}
+KNOWN = {entry.name: entry for entry in (NEXUS6, HEAVY, CART)}
 
 
 def heavy():
@@ -138,12 +138,12 @@ def heavy():
     root.set("name", "heavy")
     for link in root.findall("link"):
         M = 7.0 if link.get("name") == "base_link" else 5.0
-        for shown in link.findall("visual") + link.findall("collision"):
-            link.remove(shown)
+        for shape_element in link.findall("visual") + link.findall("collision"):
+            link.remove(shape_element)
         scale(link.find("inertial/mass"), ("value",), M)
         scale(link.find("inertial/inertia"), ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), M * L**2)
     for at in root.iter("origin"):
-        at.set("xyz", " ".join(f"{L * float(each):.9g}" for each in at.get("xyz").split()))
+        at.set("xyz", " ".join(f"{L * float(word):.9g}" for word in at.get("xyz").split()))
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
@@ -172,7 +172,7 @@ def box(mass, x, y, z):
 
 
 def link(name, mass, inertia, place):
-    ixx, iyy, izz = (f"{each:.9g}" for each in inertia)
+    ixx, iyy, izz = (f"{moment:.9g}" for moment in inertia)
     return (
         f'<link name="{name}"><inertial><origin xyz="{place}"/><mass value="{mass}"/>'
         f'<inertia ixx="{ixx}" ixy="0" ixz="0" iyy="{iyy}" iyz="0" izz="{izz}"/></inertial></link>'

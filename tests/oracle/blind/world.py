@@ -81,12 +81,12 @@ class World:
 
     def __init__(self, runs, vehicle=NEXUS6):
         self.runs, self.vehicle = list(runs), vehicle
-        known = PLAIN | HIDDEN
+        is_known = PLAIN | HIDDEN
         for run in self.runs:
-            unknown = set(run.numbers) - set(known)
+            unknown = set(run.numbers) - set(is_known)
             assert not unknown, f"unknown numbers: {unknown}"
         self.values = {
-            name: np.array([float(run.numbers.get(name, known[name])) for run in self.runs]) for name in known
+            name: np.array([float(run.numbers.get(name, is_known[name])) for run in self.runs]) for name in is_known
         }
         self.values["motor_gain"] = np.array([run.motor_gain for run in self.runs], dtype=float).T
         self.size = len(self.runs)

@@ -57,13 +57,13 @@ class Bodies:
         """Return rotations and places of the links."""
         tree = self.tree
         turn = self.collect @ angles
-        own = np.eye(3) + np.sin(turn)[:, None, None] * self.skew_axis
-        own = tree.turned @ (own + (1.0 - np.cos(turn))[:, None, None] * self.skew_squared)
+        local = np.eye(3) + np.sin(turn)[:, None, None] * self.skew_axis
+        local = tree.turned @ (local + (1.0 - np.cos(turn))[:, None, None] * self.skew_squared)
         rotation, place = np.empty((len(tree.links), 3, 3)), np.empty((len(tree.links), 3))
         rotation[0], place[0] = R, p
         for level in self.levels:
             up = tree.parent[level]
-            rotation[level] = rotation[up] @ own[level - 1]
+            rotation[level] = rotation[up] @ local[level - 1]
             place[level] = place[up] + (rotation[up] @ tree.place[level - 1][:, :, None])[:, :, 0]
         return rotation, place
 

@@ -179,15 +179,15 @@ class Physics:
 
     def touching(self, centre, axle):
         """Return the pieces under all wheels; one that does not press stands under a wheel in the air."""
-        found = self.rim.contact(self.world.ground, centre, axle)
-        air = np.bincount(found.wheel, minlength=self.count) == 0
+        contact = self.rim.contact(self.world.ground, centre, axle)
+        air = np.bincount(contact.wheel, minlength=self.count) == 0
         if not air.any():
-            return found, air
+            return contact, air
         up = np.array([0.0, 0.0, 1.0]) - axle[air][:, 2:] * axle[air]
         up /= np.linalg.norm(up, axis=1)[:, None]
         count = int(air.sum())
         none = Pieces(np.flatnonzero(air), *np.full((2, count), 1e-9), *np.zeros((3, count)), up, up)
-        return Pieces(*(np.concatenate(parts) for parts in zip(found, none, strict=True))), air
+        return Pieces(*(np.concatenate(parts) for parts in zip(contact, none, strict=True))), air
 
     def blended(self, t, state, pieces, speeds, centre):
         """Return the load seen in the direction of travel: a reversing wheel is one turned about the normal."""
@@ -195,12 +195,12 @@ class Physics:
         ahead = 0.5 + 0.25 * z * (3.0 - z * z)
         along, across = state.along[pieces.wheel], state.across[pieces.wheel]
         back = np.array([-1.0, -1.0, 1.0, -1.0])[:, None] * speeds
-        one = self.law(t, pieces, speeds, along, across, centre)
+        law_of_contact = self.law(t, pieces, speeds, along, across, centre)
         if np.all(ahead == 1.0):
-            return one
+            return law_of_contact
         two = self.law(t, pieces, back, -along, -across, centre)
         sign = (-1.0, -1.0, 1.0, -1.0, -1.0, -1.0, -1.0)
-        return Load(*(ahead * a + (1.0 - ahead) * s * b for s, a, b in zip(sign, one, two, strict=True)))
+        return Load(*(ahead * a + (1.0 - ahead) * s * b for s, a, b in zip(sign, law_of_contact, two, strict=True)))
 
     def law(self, t, pieces, speeds, along, across, centre):
         """Return the load on pieces that travel forwards at these speeds (along, left, approach, rim)."""

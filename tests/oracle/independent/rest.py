@@ -24,8 +24,8 @@ def rest(physics, x=0.0, y=0.0, yaw=0.0):
     lowered = newton(lambda pose: unbalance(physics, pose, np.zeros((2, physics.count))), start, down)
     free = np.flatnonzero(np.concatenate([np.ones(6, dtype=bool), ~spun]))
     before = wheels(physics, lowered)
-    held = newton(lambda pose: unbalance(physics, pose, dragged(physics, pose, before)), lowered, free)
-    return packed(physics, held, dragged(physics, held, before))
+    rest_pose = newton(lambda pose: unbalance(physics, pose, dragged(physics, pose, before)), lowered, free)
+    return packed(physics, rest_pose, dragged(physics, rest_pose, before))
 
 
 def newton(residual, pose, free):
@@ -73,9 +73,9 @@ def dragged(physics, pose, before):
     forward /= np.linalg.norm(forward, axis=1)[:, None]
     turned = before[0].transpose(0, 2, 1) @ rotation
     rolled = np.arctan2(turned[:, 0, 2] - turned[:, 2, 0], turned[:, 0, 0] + turned[:, 2, 2])
-    moved = place - before[1]
-    sunk = np.stack([np.sum(moved * forward, axis=1), np.sum(moved * axle, axis=1)])
-    slide = physics.world.r * rolled - np.hypot(sunk[0], moved[:, 2]) * np.sign(sunk[0])
+    displacement = place - before[1]
+    sunk = np.stack([np.sum(displacement * forward, axis=1), np.sum(displacement * axle, axis=1)])
+    slide = physics.world.r * rolled - np.hypot(sunk[0], displacement[:, 2]) * np.sign(sunk[0])
     along = np.sign(slide) * -np.expm1(-np.abs(slide) / physics.world.relaxation)
     return np.stack([along, sunk[1] / physics.world.relaxation])
 

@@ -49,10 +49,10 @@ def extended(x, z):
     return np.concatenate([ends[:1], x, ends[1:]]), np.concatenate([heights[:1], z, heights[1:]])
 
 
-def end(lane, axis, further):
+def end(lane, axis, more):
     """Return where the last piece comes to when it goes on."""
     along = lane[axis][-1] - lane[axis][-2]
-    return lane[axis][-1] + further * along
+    return lane[axis][-1] + more * along
 
 
 class Pieces(NamedTuple):
@@ -111,12 +111,12 @@ class Rim:
         keep = reached & (deepest > 1e-12 * self.r)
         wheel, piece = np.nonzero(keep)
         h = np.minimum(h[keep], 0.98 * self.r)
-        whole, at = self.whole(h), np.arccos(1.0 - h / self.r)
+        full, at = self.whole(h), np.arccos(1.0 - h / self.r)
         turn = turning[keep] / (2.0 * (np.sin(at) - at * np.cos(at)))
         dx, dz = x[wheel, piece + 1] - x[wheel, piece], z[wheel, piece + 1] - z[wheel, piece]
         normal = np.stack([-dz, np.zeros(len(wheel)), dx], axis=1) / np.hypot(dx, dz)[:, None]
         inward = across[0][keep][:, None] * forward[wheel] + across[1][keep][:, None] * up[wheel]
-        return Pieces(wheel, h, deepest[keep], total[keep] / whole, leaning[keep] / whole, turn, normal, inward)
+        return Pieces(wheel, h, deepest[keep], total[keep] / full, leaning[keep] / full, turn, normal, inward)
 
     def _sums(self, s, t, across, heading):
         """Return deepest point and the sums of depth x cosine, depth x sine, depth of each piece [wheels, pieces]."""

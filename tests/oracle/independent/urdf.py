@@ -29,7 +29,7 @@ class Tree:
 
 
 def numbers(text, default):
-    return np.array([float(each) for each in text.split()]) if text else np.array(default, dtype=float)
+    return np.array([float(word) for word in text.split()]) if text else np.array(default, dtype=float)
 
 
 def rotation_rpy(rpy):
@@ -52,12 +52,12 @@ def origin(element):
 
 def mass_of(link):
     """Return mass, centre and inertia about it, in the link's axes."""
-    about = link.find("inertial")
-    centre, R = origin(about)
-    mass = float(about.find("mass").get("value"))
-    value = {name: float(about.find("inertia").get(name)) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
-    own = np.array([[value["i" + "".join(sorted(a + b))] for b in "xyz"] for a in "xyz"])
-    return mass, centre, R @ own @ R.T
+    inertial = link.find("inertial")
+    centre, R = origin(inertial)
+    mass = float(inertial.find("mass").get("value"))
+    value = {name: float(inertial.find("inertia").get(name)) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+    inertia_matrix = np.array([[value["i" + "".join(sorted(a + b))] for b in "xyz"] for a in "xyz"])
+    return mass, centre, R @ inertia_matrix @ R.T
 
 
 def read(path):
@@ -98,5 +98,9 @@ def leader(joint):
 
 
 def limit(joint):
-    found = joint.find("limit")
-    return [-np.inf, np.inf] if found is None else [float(found.get("lower")), float(found.get("upper"))]
+    limit_element = joint.find("limit")
+    return (
+        [-np.inf, np.inf]
+        if limit_element is None
+        else [float(limit_element.get("lower")), float(limit_element.get("upper"))]
+    )
