@@ -83,7 +83,9 @@ def row_of(data: str, verdict: Verdict) -> dict[str, str]:
         "after": errors({score.name: score.after for score in verdict.scores}),
         "together": errors(verdict.errors_anew),
         **{
-            curve: errors({baseline.channel: baseline.error for baseline in verdict.baselines if baseline.curve == curve})
+            curve: errors(
+                {baseline.channel: baseline.error for baseline in verdict.baselines if baseline.curve == curve}
+            )
             for curve in CURVES
         },
     }

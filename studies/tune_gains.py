@@ -129,7 +129,10 @@ def landscape(study: TuningStudy, S_d: float, k_p: np.ndarray, k_i: np.ndarray, 
 
 def most_changed(result: TuningResult) -> DriveCase:
     """Return the training drive whose cost the tuned gains change most against constant duty."""
-    cost = {control_drives.control: [score.cost(result.study.cost) for score in control_drives.training] for control_drives in result.drives}
+    cost = {
+        control_drives.control: [score.cost(result.study.cost) for score in control_drives.training]
+        for control_drives in result.drives
+    }
     change = np.subtract(cost[f"tuned, {result.study.estimate}"], cost["constant duty"])
     return result.study.training[int(np.argmax(np.abs(change)))]
 

@@ -102,7 +102,9 @@ def report(label: str, package: Path, logs: Path) -> tuple[float, float]:
     with TemporaryDirectory() as out:
         words = ["close-loop", str(logs), "--out", out, "--workers", str(WORKERS)]
         completed, seconds, clock = timed(words, package, logs.parent)
-    answer = next((line for line in completed.stdout.splitlines() if "log" in line or "list" in line), completed.stderr[-300:])
+    answer = next(
+        (line for line in completed.stdout.splitlines() if "log" in line or "list" in line), completed.stderr[-300:]
+    )
     print(
         f"{label}: {seconds:.0f} s of CPU, {clock:.0f} s on the clock, load {os.getloadavg()[0]:.1f}; {answer.strip()}"
     )

@@ -81,7 +81,11 @@ def report(words: tuple[str, ...], folder: Path) -> None:
     completed, cpu, clock = timed(words, ROOT, folder)
     completed.check_returncode()
     print(f"{words[0]}: {clock:.0f} s on the clock, {cpu:.0f} s of CPU, load {os.getloadavg()[0]:.1f}")
-    print("\n".join(f"    {line.strip()}" for line in completed.stdout.splitlines() if "kept" in line or "log" in line[:12]))
+    print(
+        "\n".join(
+            f"    {line.strip()}" for line in completed.stdout.splitlines() if "kept" in line or "log" in line[:12]
+        )
+    )
 
 
 if __name__ == "__main__":

@@ -108,7 +108,9 @@ def _child(package: Path, code: str, *arguments: str, cache: str = "") -> Any:
     """Run code with a version of the package; return the printed JSON value."""
     variables = {"PYTHONPATH": str(package), **({"ROVER_PIN_CACHE": cache} if cache else {})}
     command = [sys.executable, "-c", code, *arguments]
-    done = subprocess.run(command, env={**os.environ, **variables}, cwd=package, check=True, capture_output=True, text=True)
+    done = subprocess.run(
+        command, env={**os.environ, **variables}, cwd=package, check=True, capture_output=True, text=True
+    )
     return json.loads(done.stdout.splitlines()[-1])
 
 

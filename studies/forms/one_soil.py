@@ -80,7 +80,11 @@ def from_the_others(sets: Mapping[str, RigSet], effects: tuple[Effect, ...]) -> 
         joint_model = join_sets([data, *joint.sets]).base_model()
         model = dataclasses.replace(joint_model, soil=fit.model.soil, effects=fit.model.effects).of(data.name)
         predicted = model.predict(data.load, data.slip, data.speeds, data.slip_angle)
-        values = {"drawbar pull": predicted.drawbar_pull, "sinkage": predicted.sinkage, "side force": predicted.side_force}
+        values = {
+            "drawbar pull": predicted.drawbar_pull,
+            "sinkage": predicted.sinkage,
+            "side force": predicted.side_force,
+        }
         sds = np.array([channel.sd for channel in data.channels])
         errors = {channel.name: values[channel.name] - channel.measured for channel in data.channels}
         yield cells(FROM + name, THE_LAW, errors, sds, said(fit))
@@ -129,7 +133,12 @@ def unseen(sets: Iterable[RigSet], besides: Sequence[RigSet] = ()) -> list[RigSe
 
 def carried(others: Sequence[RigSet], data: RigSet, channel: str, predict: Predict) -> np.ndarray:
     """Return the errors on a set of a curve through the others' points of a channel."""
-    samples = [(inputs(rig), measured_channel.measured) for rig in others for measured_channel in rig.channels if measured_channel.name == channel]
+    samples = [
+        (inputs(rig), measured_channel.measured)
+        for rig in others
+        for measured_channel in rig.channels
+        if measured_channel.name == channel
+    ]
     points, values = (np.concatenate(part) for part in zip(*samples, strict=True))
     # Inputs that do not vary in the others cannot carry a curve.
     varied = np.ptp(points, axis=0) > 0

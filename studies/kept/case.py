@@ -30,4 +30,6 @@ def case_of(text: str) -> Case:
     """Return the case that `text_of` wrote."""
     fields = json.loads(text)
     fields |= {"kind": Kind(fields["kind"]), "answer": Answer(fields["answer"]), "truth": tuple(fields["truth"])}
-    return Case(**fields | {"alike": tuple(map(tuple, fields["alike"])), "sizes": tuple(Size(**s) for s in fields["sizes"])})
+    return Case(
+        **fields | {"alike": tuple(map(tuple, fields["alike"])), "sizes": tuple(Size(**s) for s in fields["sizes"])}
+    )

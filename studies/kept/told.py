@@ -36,5 +36,7 @@ def inclusion_of(verdict: Verdict, true: Sequence[str]) -> dict[str, float]:
     assert verdict.beliefs is not None
     included = {plain(name): probability for name, probability in verdict.beliefs.included.items()}
     return {
-        name: probability for name, probability in (dict.fromkeys(true, 0.0) | included).items() if probability > LISTED or name in true
+        name: probability
+        for name, probability in (dict.fromkeys(true, 0.0) | included).items()
+        if probability > LISTED or name in true
     }

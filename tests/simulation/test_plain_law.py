@@ -74,7 +74,8 @@ def test_a_wheel_that_goes_the_other_way_is_its_mirror_image(law, v, rim):
     forward, backward = law(ahead, x), law(behind, odd * x)
     expected = {
         "load": sign * forward.load, "rate": odd * forward.rate, "slip": -forward.slip,
-        "by_speed": np.outer(sign, sign) * forward.by_speed, "rate_by_speed": np.outer(odd, sign) * forward.rate_by_speed,
+        "by_speed": np.outer(sign, sign) * forward.by_speed,
+        "rate_by_speed": np.outer(odd, sign) * forward.rate_by_speed,
         "load_by_state": np.outer(sign, odd) * forward.load_by_state,
         "rate_by_state": np.outer(odd, odd) * forward.rate_by_state,
     }  # fmt: skip
