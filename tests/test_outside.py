@@ -285,7 +285,7 @@ def test_no_mesh_of_many_parts_takes_minutes(name, part, tmp_path, monkeypatch, 
     meshed(tmp_path, name)
     (tmp_path / name).write_text(1001 * part)
     assert CliRunner().invoke(app, ["new-rover", "cart.urdf", "--out", "new/own.toml"]).exit_code == 0
-    assert f"{name}: it has more than 1000 parts, groups or materials" in caplog.text
+    assert re.search(rf"{re.escape(name)}: .*1000", caplog.text)
 
 
 @pytest.mark.slow

@@ -100,7 +100,7 @@ def test_a_channel_that_a_set_lacks_is_told_by_its_file(run):
     shutil.copytree(DATA / "cmu-smooth-wheel", "bad")
     file = Path("bad/points.csv")
     file.write_text(file.read_text().replace("drawbar_pull_N", "pull", 1))
-    assert "bad/points.csv: drawbar_pull_N: drawbar pull was not measured; " in run("check-data", "bad")[1]
+    assert "bad/points.csv: drawbar_pull_N: " in run("check-data", "bad")[1]
 
 
 def test_a_poor_set_is_told_so_and_a_wrong_one_refused(run):

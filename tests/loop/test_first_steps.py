@@ -1,5 +1,6 @@
 """What a newcomer meets first: a folder that is none, a column misspelt, a score that nothing can be claimed of."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -37,7 +38,7 @@ def unread(tmp_path, header, rows=ROWS):
 @pytest.mark.parametrize("name", ["sinkge_m", "Sinkage_m", "wheel_sinkage_m"])
 def test_misspelt_column_is_named_with_the_intended_one(tmp_path, name):
     (note,) = unread(tmp_path / "set", f"slip,load_N,drawbar_pull_N,{name}")
-    assert note.startswith(f"set/points.csv: column '{name}' is not read; did you mean 'sinkage_m'")
+    assert re.match(rf"set/points\.csv: .*'{name}'.*'sinkage_m'", note)
 
 
 def test_columns_of_ones_own_are_no_misspelling(tmp_path):

@@ -138,14 +138,14 @@ def test_lugs_dig_from_the_start_where_every_set_declares_them(sets, lugged):
 
 
 def test_what_is_no_joint_fit_is_refused(sets, tmp_path):
-    with pytest.raises(ParameterError, match="two or more data sets"):
+    with pytest.raises(ParameterError, match="two or more"):
         join_sets([read_rig_set(sets[0])])
     twin = written(tmp_path, "small", seed=9)
-    with pytest.raises(DataError, match="small: two data sets have this name"):
+    with pytest.raises(DataError, match="small: "):
         read_joint((sets[0], twin))
-    with pytest.raises(DataError, match=r"nowhere: there is no rig.toml"):
+    with pytest.raises(DataError, match=r"nowhere: .*rig\.toml"):
         close_the_loop((sets[0], tmp_path / "nowhere"))
-    with pytest.raises(DataError, match="a joint fit of several rig sets cannot use a model; leave it out"):
+    with pytest.raises(DataError, match="joint fit"):
         close_the_loop(sets, model="model.toml")
 
 

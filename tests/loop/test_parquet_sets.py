@@ -48,14 +48,14 @@ def test_a_wrong_parquet_file_is_one_sentence(tmp_path):
     folder = in_parquet(tmp_path)
     (points,) = folder.glob("points.parquet")
     points.write_text("slip,load_N\n0.1,25\n")
-    with pytest.raises(DataError, match=r"points\.parquet: the file is not Parquet: .*\.") as no:
+    with pytest.raises(DataError, match=r"points\.parquet: .*Parquet") as no:
         read_rig_set(folder)
     assert "\n" not in str(no.value)
     pd.DataFrame({"slip": [0.1]}).to_parquet(points)
-    with pytest.raises(DataError, match="has no column 'load_N': known are slip"):
+    with pytest.raises(DataError, match=r"'load_N'.*slip"):
         read_rig_set(folder)
     points.unlink()
-    with pytest.raises(DataError, match=r"points\.parquet: the file cannot be read: No such file"):
+    with pytest.raises(DataError, match=r"points\.parquet: .*No such file"):
         read_rig_set(folder)
 
 

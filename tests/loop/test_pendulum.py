@@ -101,7 +101,7 @@ def test_data_that_it_cannot_read_get_one_sentence(tmp_path):
     hidden.write(tmp_path, length=0.2)
     text = (tmp_path / "bench.toml").read_text()
     (tmp_path / "bench.toml").write_text(text.replace("lever", "leaver"))
-    with pytest.raises(ParameterError, match="Arm has no field 'leaver'"):
+    with pytest.raises(ParameterError, match=r"Arm.*'leaver'"):
         Pendulum.read(tmp_path)
     (tmp_path / "bench.toml").write_text(text)
     runs = (tmp_path / "runs.csv").read_text()

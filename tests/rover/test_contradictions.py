@@ -157,8 +157,8 @@ def test_two_joints_of_one_name_are_a_fault(tmp_path):
     text = cart().urdf.replace('joint name="rr"', 'joint name="rl"')
     (tmp_path / "own.urdf").write_text(text)
     for path in (tmp_path / "own.urdf", write(tmp_path, text, TWO_AXLES)):
-        assert any("2 joints are called 'rl'" in fault for fault in check_urdf(path).faults)
-    with pytest.raises(UrdfError, match="2 joints are called 'rl'"):
+        assert any(re.search("2 joints.*'rl'", fault) for fault in check_urdf(path).faults)
+    with pytest.raises(UrdfError, match=r"2 joints.*'rl'"):
         new_rover(tmp_path / "own.urdf")
 
 

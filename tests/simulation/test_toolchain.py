@@ -121,7 +121,7 @@ def test_a_folder_of_another_user_is_refused(cache, monkeypatch):
         return os.stat_result((*metadata[:4], owner + 7, *metadata[5:])) if path == cache else metadata
 
     monkeypatch.setattr(Path, "stat", others)
-    with pytest.raises(CacheError, match=rf"it belongs to another user \({owner + 7}\)"):
+    with pytest.raises(CacheError, match=rf"\({owner + 7}\)"):
         toolchain.shared_library(SOURCE, "twice")
 
 

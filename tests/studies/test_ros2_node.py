@@ -257,7 +257,8 @@ def test_what_motors_cannot_reach_is_said_and_not_obeyed(start):
     command(graph, x=5.0)
     graph.run(0.2)
     (warning,) = graph.said
-    assert "cmd_vel is not obeyed: a wheel would have to turn at" in warning
+    assert "cmd_vel" in warning
+    assert "wheel" in warning
     assert graph.last("odom").twist.twist.linear.x > 0.01
 
 

@@ -46,7 +46,7 @@ def test_a_file_drives_as_its_controller_does(tmp_path):
 
 
 def test_it_runs_only_where_the_user_says_so(tmp_path):
-    with pytest.raises(DataError, match="runs only with your consent"):
+    with pytest.raises(DataError, match="consent"):
         scenario("flat", control=str(written(tmp_path)))
 
 

@@ -173,7 +173,7 @@ def test_current_missing_in_one_run_is_named_and_others_are_kept():
     wheel = next(name for name in GOOD[0] if name.startswith("current_"))
     notes = [finding.what for finding in findings(log_of(without(GOOD[0], wheel), *GOOD[1:]))]
     assert any(line.startswith(f"{wheel} of ") and " is not recorded, so friction" in line for line in notes)
-    assert not any("motor currents are not recorded" in line for line in notes)
+    assert not any("currents" in line for line in notes)
 
 
 FLAT = {"constant": 0.55, "hill": 0.0}
@@ -244,7 +244,7 @@ def test_an_uncertainty_that_is_none_is_refused(sd, tmp_path):
     (tmp_path / "ground.csv").write_text("x_m,z_m\n-10,0\n10,0\n")
     soil = {"phi": {"value": 30.0, "unit": "deg", "sd": sd}}
     log = dataclasses.replace(log_of(*GOOD, soil=soil, motor={}, terrain={"polyline": "ground.csv"}), folder=tmp_path)
-    with pytest.raises(DataError, match=r"the sd of 'phi' is .*: give a positive number in the unit of its value"):
+    with pytest.raises(DataError, match=r"sd of 'phi'"):
         nuisances(log, base_model(log))
 
 

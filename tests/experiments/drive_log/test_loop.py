@@ -132,7 +132,7 @@ def test_log_of_a_user_rover_gives_a_model_readable_anywhere(tmp_path, monkeypat
 def test_a_model_of_the_other_kind_is_refused(tmp_path):
     folder = drive_sets.write(tmp_path, runs=1, duration=1.0)
     log = read_drive_log(folder)
-    with pytest.raises(DataError, match="starts from the model of a rover, but this is a RigModel"):
+    with pytest.raises(DataError, match="RigModel"):
         close_the_loop(log, RigModel(Wheel(), Soil()))
-    with pytest.raises(DataError, match="starts from the model of a wheel"):
+    with pytest.raises(DataError, match="wheel"):
         close_the_loop(RIG, drive_sets.base())

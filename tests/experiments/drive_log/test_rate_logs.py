@@ -55,7 +55,7 @@ def test_log_without_duties_is_usable_and_states_its_blind_spots(log):
     assert is_rate_driven(log)
     assert faults(log) == ()
     findings_text = " ".join(map(str, findings(log)))
-    assert "no duty is recorded, so the wheels are held to their measured rates" in findings_text
+    assert "no duty" in findings_text
     assert "motors" in findings_text
     assert "battery_V" not in findings_text
 
@@ -99,7 +99,7 @@ def test_duties_are_ignored_if_the_log_declares_rates_as_input(tmp_path):
     measured = [np.interp(run.commands.t, trace.t, trace[f"wheel_rate_{wheel}"]) for wheel in trace.wheels]
     assert run.commands.rate == pytest.approx(np.transpose(measured), abs=0.05)
     toml.write_text(toml.read_text().replace('"rates"', '"torque"', 1))
-    with pytest.raises(DataError, match="input = 'torque': write 'duties' or 'rates'"):
+    with pytest.raises(DataError, match=r"'torque'.*'duties'.*'rates'"):
         read_drive_log(folder)
 
 
@@ -116,7 +116,7 @@ def test_a_wheel_that_is_logged_backwards_is_named(tmp_path):
     for file in folder.glob("run-*.csv"):
         pd.read_csv(file).assign(wheel_rate_mr=lambda table: -table["wheel_rate_mr"]).to_csv(file, index=False)
     log = only(folder, lambda name: not name.startswith(DROPPED))
-    assert "wheel_rate_mr runs against the travel" in str(faults(log)[0])
+    assert "wheel_rate_mr" in str(faults(log)[0])
 
 
 def test_the_runs_of_the_menu_can_be_held_to_rates(log):

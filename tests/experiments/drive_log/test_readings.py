@@ -78,13 +78,10 @@ def test_outliers_are_reported_with_times_and_not_as_jumps():
     assert line.startswith(
         "run-1.csv: a single pose is an outlier among those before and after, at t = 12 s (row 301); "
     )
-    assert line.endswith("the loop leaves these 1 of 1500 poses out.")
+    assert "1 of 1500" in line
     assert not any("jumps" in line for line in finding_texts)
     many = [str(line) for line in findings(with_poses_off(*range(100, 170, 10)))]
-    assert any(
-        "single poses are outliers" in line and "and 2 more; the loop leaves these 7 of 1500 poses out" in line
-        for line in many
-    )
+    assert any("outlier" in line and "7 of 1500" in line for line in many)
 
 
 # --- steps of the duty ------------------------------------------------------------------------------------------------

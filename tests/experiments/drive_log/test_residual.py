@@ -3,6 +3,7 @@
 import dataclasses
 import keyword
 import math
+import re
 from pathlib import Path
 
 import cloudpickle
@@ -105,7 +106,7 @@ def test_a_draft_of_the_wheel_angle_integrates_the_rate(tmp_path):
     assert effect.rate(drive(omega=1.3), 0.0, (0.0,)) == (1.3,)
     assert np.allclose([float(effect.torque(drive(), 0.0, (at,))) for at in curve.at], curve.value, atol=1e-5)
     assert "wheel mr" in torque_term.description
-    assert "the angle of the wheel" in torque_term.description
+    assert "angle" in torque_term.description
     assert "phase 18 deg" in torque_term.description
 
 
@@ -180,7 +181,7 @@ def test_residual_drafts_the_best_term_an_effect_can_imitate():
     blind = term(TORQUE, "fl", argument("pitch", Polynomial(0.0, 0.1, 2), "rad"), [0.0, 0.1, 0.0])
     able = term(LEAN, "", argument("nothing", Polynomial(0.0, 1.0, 0)), [0.4], "N")
     remainder = DriveResidual((blind, able), (), WHEELS)
-    assert "a torque on wheel fl that depends on the pitch" in remainder.description
+    assert re.search(r"torque.* fl .*pitch", remainder.description)
     assert "+0.4 +- 0.001 N all the time" in remainder.description
     assert "class Own(BodyEffect)" in draft_effect(remainder, "own").text
     assert DriveResidual((dataclasses.replace(able, held_out=3.0),) * 2, (), WHEELS).is_noise
@@ -238,7 +239,7 @@ def test_unlisted_eccentric_wheel_is_described_and_drafted(tmp_path):
     experiment = base.task.experiment
     remainder = describe(base)
     assert not remainder.is_noise
-    assert "a torque on wheel mr that depends on the angle of the wheel" in remainder.description
+    assert re.search(r"torque.* mr .*angle", remainder.description)
     amplitude = np.max(np.abs(remainder.best.curve.value))
     assert amplitude == pytest.approx(0.03, rel=0.25)
 

@@ -75,13 +75,13 @@ def test_a_model_file_gives_the_same_numbers_back(tmp_path):
         assert read_model(write_model(model, tmp_path / "model.toml")) == model
     text = (tmp_path / "model.toml").read_text()
     (tmp_path / "model.toml").write_text(text.replace("rig-model", "drive"))
-    with pytest.raises(DataError, match="kind = 'drive' is not a rig model"):
+    with pytest.raises(DataError, match="kind = 'drive'"):
         read_model(tmp_path / "model.toml")
     (tmp_path / "model.toml").write_text(text.replace("SoilTraction", "SoilTracton"))
-    with pytest.raises(DataError, match="there is no effect 'SoilTracton': did you mean 'SoilTraction'"):
+    with pytest.raises(DataError, match=r"'SoilTracton'.*'SoilTraction'"):
         read_model(tmp_path / "model.toml")
     (tmp_path / "model.toml").write_text(text.replace("SinkageAngles", "Angles"))
-    with pytest.raises(DataError, match="there are no angles 'Angles'"):
+    with pytest.raises(DataError, match="'Angles'"):
         read_model(tmp_path / "model.toml")
 
 

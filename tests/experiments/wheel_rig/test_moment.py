@@ -173,11 +173,11 @@ def test_it_is_read_where_a_wheel_runs_askew_with_its_noise(tmp_path):
     ]  # fmt: skip
     bare = written(tmp_path / "bare")
     (bare / "rig.toml").write_text((bare / "rig.toml").read_text().replace("moment_z = ", "# "))
-    with pytest.raises(DataError, match=r"the noise of moment_z is not stated.*\[noise\] moment_z"):
+    with pytest.raises(DataError, match=r"\[noise\] moment_z"):
         read_rig_set(bare)
     points = bare / "points.csv"
     points.write_text(points.read_text().replace("moment_z_Nm", "moment_z_Nmm"))
-    with pytest.raises(DataError, match="column 'moment_z_Nmm' is not read: did you mean 'moment_z_Nm'"):
+    with pytest.raises(DataError, match=r"'moment_z_Nmm'.*'moment_z_Nm'"):
         read_rig_set(bare)
 
 
@@ -206,12 +206,12 @@ def test_moment_outside_the_wheel_is_named_and_frozen_refused(tmp_path):
     noisy = with_moment(rig, moment + 0.15 * side, 1.0)
     assert [suspicion for suspicion in suspicions(few_outliers) if "moment_z" in str(suspicion)]
     assert not [suspicion for suspicion in suspicions(noisy) if "moment_z" in str(suspicion)], "within its noise"
-    with pytest.raises(DataError, match=r"moment_z_Nm is .* times the load times radius, more than any soil gives"):
+    with pytest.raises(DataError, match=r"moment_z_Nm is .* times"):
         refuse_impossible(with_moment(rig, 1e3 * moment))
     frozen = CLEAN.copy()
     frozen[:, 7] = 0.01
     folder = written(tmp_path / "frozen", frozen)
-    with pytest.raises(DataError, match=r"moment_z_Nm is 0\.01 in all 12 runs"):
+    with pytest.raises(DataError, match=r"moment_z_Nm.*0\.01.*12 runs"):
         close_the_loop(folder)
 
 

@@ -93,8 +93,8 @@ def test_a_wheel_gives_out_no_more_than_its_torque_puts_in():
     assert suspicions(rig) == []
     more = changed(rig, DrawbarPull, 1.1)
     refuse_impossible(more)
-    assert "4 of 4 runs give out more work than their torque puts in" in str(suspicions(more)[0])
-    with pytest.raises(DataError, match=r"gives out 1.52 times the work"):
+    assert "4 of 4 runs" in str(suspicions(more)[0])
+    with pytest.raises(DataError, match=r"1\.52 times"):
         refuse_impossible(changed(rig, DrawbarPull, 1.6))
 
 
@@ -104,10 +104,10 @@ def test_single_rows_and_torques_that_cannot_be():
     spoilt = pull.measured.copy()
     spoilt[3] = 1e308
     others = tuple(channel for channel in rig.channels if channel is not pull)
-    with pytest.raises(DataError, match=r"drawbar_pull_N is .* times the load in row 4; correct or remove that row"):
+    with pytest.raises(DataError, match=r"drawbar_pull_N.*row 4"):
         refuse_impossible(dataclasses.replace(rig, channels=(DrawbarPull(spoilt, pull.sd), *others)))
     still = RigSet(Wheel(), np.array([0.2, 0.4, 0.6]), 10.0, (Torque(np.full(3, 5e-4), 1e-5),))
-    with pytest.raises(DataError, match=r"is 0.0011 times load times radius, less than any soil gives"):
+    with pytest.raises(DataError, match=r"\b0\.0011 times"):
         refuse_impossible(still)
 
 
@@ -127,7 +127,7 @@ def test_a_pressing_that_cannot_be_is_refused(tmp_path, column, value):
     cells[column] = value
     lines[at + 300] = ",".join(cells)
     (copied / "penetration.csv").write_text("\n".join(lines))
-    with pytest.raises(DataError, match=r"penetration.csv: .* of trial .* reaches .*; give metres and newtons"):
+    with pytest.raises(DataError, match=r"penetration\.csv: .*trial"):
         read_rig_set(copied)
 
 
