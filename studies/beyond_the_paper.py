@@ -155,6 +155,7 @@ def tuned(evaluations: Evaluations, training: tuple[DriveCase, ...], population:
         scores = [Score(*values[:size]).cost(COST) for values in result]
         return np.mean(np.reshape(scores, (places.shape[1], -1)), axis=1)
 
+    # The first population is uniform over the bounds; the seed keeps the result reproducible.
     low, high = np.array(list(BOUNDS.values())).T
     first = low + (high - low) * np.random.default_rng(3).random((population, len(low)))
     result = differential_evolution(
@@ -268,6 +269,7 @@ def report(results: pd.DataFrame, law: Tacking, bounds: pd.DataFrame) -> str:
 def outcomes(axis: Any, kind: str, cases: tuple[DriveCase, ...], passed: pd.DataFrame) -> None:
     """Draw which controls pass which drives of one kind, over k and the angle of the ground."""
     spots: dict[tuple[bool, bool], list[tuple[float, float]]] = {pair: [] for pair in LOOKS}
+    # One point for each drive, grouped by the controls that pass it.
     for case in (candidate for candidate in cases if candidate.scenario == kind):
         angle = next(float(value) for name, value in case.settings if name.endswith("angle_deg"))
         pair = bool(passed.loc[case.name, "tacking"]), bool(passed.loc[case.name, "constant 0.55"])
@@ -286,6 +288,7 @@ def figure(results: pd.DataFrame, cases: tuple[DriveCase, ...], law: Tacking, ou
     passed = results.pivot(index="drive", columns="control", values="passed")
     for axis, kind in zip(axes, GOAL, strict=False):
         outcomes(axis, kind, cases, passed)
+    # The example is a drive that only tacking passes, if there is one.
     won = [case for case in cases if passed.loc[case.name, "tacking"] and not passed.loc[case.name, "constant 0.55"]]
     example = (won or list(cases))[0]
     for name, colour in zip(
@@ -293,6 +296,7 @@ def figure(results: pd.DataFrame, cases: tuple[DriveCase, ...], law: Tacking, ou
     ):
         trace = drive(example, controller(example, name, law), symmetric=name != "tacking")
         axes[2].plot(trace.t, trace["body_x"], color=colour, label=name)
+        # The yaw shows when the rover turns to take the wall at an angle.
         if name == "tacking":
             right = axes[2].twinx()
             right.plot(trace.t, np.degrees(trace["body_yaw"]), color=colour, ls=":")

@@ -79,6 +79,7 @@ def main() -> None:
         study = dataclasses.replace(quick(), effort=QUICK)
     sets = 1 if options.quick else options.sets
     options.out.mkdir(parents=True, exist_ok=True)
+    # The generator returns rows as they finish, so that an interrupted run leaves a table.
     finished = Parallel(options.workers, batch_size=1, return_as="generator")(
         delayed(improved)(SEED + at, study) for at in range(sets)
     )
@@ -141,6 +142,7 @@ def figure(table: pd.DataFrame, out: Path) -> None:
     """Draw the true gains over the predicted gains with their intervals."""
     sheet, axes = plot.new_figure(1, size=(6.0, 5.0))
     for keeps, rows in table.groupby("keeps"):
+        # Error bars need the distances from the prediction, not the bounds.
         low, high = rows.predicted - rows.low, rows.high - rows.predicted
         label, colour = ("constant duty kept", plot.COLOURS[0]) if keeps else ("tuned control taken", plot.COLOURS[1])
         axes.errorbar(rows.predicted, rows.true, xerr=(low, high), fmt="o", ms=4, lw=0.8, color=colour, label=label)

@@ -73,10 +73,12 @@ def answered(make: ModuleType, seed: int, law: str) -> tuple:
 
 def counts(rows: list[tuple]) -> str:
     """Return the counts of right and wrong answers as a Markdown table."""
+    # Only detectable sets enter the shares of right answers.
     of_law = [row for row in rows if row[1] != "none" and row[3]]
     nulls = [row for row in rows if row[1] == "none"]
     alone = sum(row[4] == "named" and row[5] == row[1] for row in of_law)
     in_set = sum(row[4] == "set" and row[1] in row[6].split(" or ") for row in of_law)
+    # Any name on a set without a hidden law is a false alarm.
     alarms = sum(bool(row[5]) for row in nulls)
     contains = [row[7] == "True" for row in of_law if row[5] == row[1]]
     table = [
@@ -99,6 +101,7 @@ def main() -> None:
     options = parser.parse_args()
     make, first = generator(), 1 if options.quick else REPORTED
     laws = [law for law in make.LAWS if law != "none"]
+    # Every law equally often, and then the sets without a hidden law.
     hidden = ["Viscous", "Play", "none"] if options.quick else [*(laws * (LAWS // len(laws))), *(["none"] * NULLS)]
     rows = []
     for seed, law in enumerate(hidden, first):

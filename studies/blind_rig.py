@@ -164,6 +164,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("out/blind_rig"))
     options = parser.parse_args()
+    # Calibration sets and reported sets have separate seeds, so that no limit is set on a reported set.
     firsts = (CALIBRATION,) if options.calibrate else REPORTED
     sets = [hidden for first in firsts for hidden in plan(first)]
     sets = sets[:: len(sets) // 3] if options.quick else sets[:: options.every]
@@ -176,12 +177,14 @@ def plan(first: int) -> list[Hidden]:
     """Return all sets of a test. Seeds are numbered from `first` + 1."""
     rng = np.random.default_rng(first)
     truths: list[tuple[Kind, tuple[str, ...]]] = []
+    # The order of kinds is fixed, so that a seed always belongs to the same set.
     truths += [(Kind.SINGLE, (name,)) for name in LISTED for _ in range(COUNTS[Kind.SINGLE])]
     strong = [name for name in LISTED if name != "InterfaceFriction"]
     truths += [(Kind.PAIR, tuple(map(str, rng.choice(strong, 2, replace=False)))) for _ in range(COUNTS[Kind.PAIR])]
     truths += [(Kind.NULL, ())] * COUNTS[Kind.NULL]
     truths += [(Kind.OFF_LIST, (name,)) for name in OFF_LIST for _ in range(COUNTS[Kind.OFF_LIST])]
     truths += [(Kind.OTHER_LAW, (name,)) for name in OTHER_LAWS for _ in range(COUNTS[Kind.OTHER_LAW])]
+    # The noise of a set is drawn for all sets, also for those that keep white noise.
     unkind = [rng.choice(generator().NOISES[1:]) for _ in truths]
     return [
         Hidden(kind, truth, first + 1 + at, str(noise) if rng.uniform() < UNKIND.get(kind, ELSE_UNKIND) else "white")

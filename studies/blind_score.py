@@ -211,10 +211,12 @@ def quality(cases: Sequence[Case]) -> pd.DataFrame:
     """Return, for each true effect, the errors of sizes and held-out losses: medians and 90th percentiles."""
     rows = []
     detectable = [case for case in cases if case.detectable and case.kind in (Kind.SINGLE, Kind.PAIR)]
+    # One row for each true effect; an effect of a pair enters its own row.
     for name in sorted({name for case in detectable for name in case.truth}):
         matching = [case for case in detectable if name in case.truth]
         error = [size.error for case in matching for size in case.sizes if size.name.startswith(f"{name}.")]
         rows.append([name, len(matching), *_spread(error), *_spread([case.after / case.oracle for case in matching])])
+    # Over all sets, the ratio of losses uses single effects only.
     single = [case for case in detectable if case.kind is Kind.SINGLE]
     error = [size.error for case in detectable for size in case.sizes]
     rows.append(["all", len(detectable), *_spread(error), *_spread([case.after / case.oracle for case in single])])
@@ -301,6 +303,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="the same: it takes no time")
     parser.add_argument("--out", type=Path, default=Path("out/blind_score"))
     options = parser.parse_args()
+    # Seven right answers, one miss and one false alarm.
     right = Size("Digging.c", 0.05, 0.052, 0.04, 0.06)
     digs, names = ("Digging",), (("Digging",),)
     cases = [

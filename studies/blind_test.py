@@ -104,10 +104,12 @@ def main() -> None:
     sets, answers = options.out / f"sets-{seed}", options.out / f"answers-{seed}.json"
     arguments = ["--out", sets, "--seed", seed, "--sets", count, "--workers", options.workers, "--answers", answers]
     arguments += ["--under", options.under]
+    # The generator runs as a process of its own, so that it shares no state with the loop.
     subprocess.run([sys.executable, str(MAKE), *map(str, arguments)], check=True)
     numbers = range(options.skip + 1, min(options.first or count, count) + 1)
     folders = [sets / f"set_{number:04d}" for number in numbers if number not in options.without]
     run = Parallel(n_jobs=options.workers, batch_size=1)
+    # Answers depend on the code, so they are stored under a key of the code.
     case_folder = options.out / f"cases-{seed}-{key_of_code()}"
     cases = run(
         delayed(kept)(case_folder / f"{folder.name}.json", partial(case_of, folder, answers)) for folder in folders
@@ -194,6 +196,7 @@ def more_than_noise(beliefs: Beliefs) -> float:
 
 def sizes_of(verdict: Verdict, hidden: list[dict[str, Any]], names: tuple[str, ...]) -> tuple[Size, ...]:
     """Return fitted and true sizes if the answer names exactly the hidden effects, else an empty tuple."""
+    # A size can be compared only if the answer names exactly the hidden effects.
     if sorted(map(plain, verdict.named)) != sorted(names) or verdict.beliefs is None or verdict.after is None:
         return ()
     causes = {plain(cause.name): cause for cause in verdict.beliefs.best(verdict.named).causes}

@@ -88,6 +88,7 @@ def main() -> None:
     options_given = options.parse_args()
     verdicts = []
     for label, data in cases(options_given.quick).items():
+        # The second run on the smooth wheel starts from the exponent of the rig's authors.
         soil = with_authors_exponent(data) if "1.46" in label else None
         folder = options_given.out / label.replace(" ", "-").replace(",", "").replace("=", "")
         verdicts.append((label, close_the_loop(data, soil, out=folder, progress=lambda said: None)))
@@ -96,6 +97,7 @@ def main() -> None:
     table.to_csv(options_given.out / "close_the_loop.csv", index=False, float_format="%.6g")
     draw(table).savefig(options_given.out / "close_the_loop.png", dpi=140)
     print(f"written: {options_given.out / 'close_the_loop.csv'}, {options_given.out / 'close_the_loop.png'}")
+    # The transients use the verdict on the smooth wheel, which comes first.
     report_transients(verdicts[0][1], read_rig_set(DATA / "cmu-smooth-wheel"), options_given.out)
     laws = pd.DataFrame(wheel_laws.table(options_given.quick))
     laws.to_csv(options_given.out / "wheel_laws.csv", index=False, float_format="%.6g")
@@ -105,6 +107,7 @@ def main() -> None:
 def report_transients(verdict: Verdict, data: RigSet, out: Path) -> None:
     """Predict the transient of the sinkage, each level from the other levels, and print and draw the errors."""
     runs = transient_runs(DATA / "cmu-smooth-wheel" / "sinkage_transient.csv")
+    # Steady values by the model before and after the loop, and as measured for comparison.
     steady = {
         when: held_out_steady(data, side.fit) for when, side in (("before", verdict.before), ("after", verdict.after))
     }
@@ -201,9 +204,11 @@ def summary_of(errors: pd.DataFrame, slips: dict[str, str]) -> pd.DataFrame:
         row: dict[str, object] = {"model": model, "dynamics": dynamics}
         for part in ("transient", "tail"):
             square = group[part].to_numpy()
+            # Bootstrap over runs: resampled runs give the 95 % interval of the RMSE.
             low, high = np.quantile(np.sqrt(rng.choice(square, (DRAWS, square.size)).mean(axis=1)), [0.025, 0.975])
             row[part] = f"{np.sqrt(square.mean()):.2f} [{low:.2f}, {high:.2f}]"
         row["L_mm"] = f"{1e3 * group.length_m.min():.0f} to {1e3 * group.length_m.max():.0f}"
+        # The RMSE of the transient by level shows where the model fails.
         by_level = group.groupby("level").transient.mean() ** 0.5
         row |= {slips[level]: round(by_level[level], 2) for level in sorted(by_level.index, key=int)}
         rows.append(row)
@@ -219,9 +224,11 @@ def draw_transients(
     names = list(dict.fromkeys(errors.model))[:2]
     for axis, level in zip(axes, levels, strict=True):
         of_level = [run for run in runs.values() if run.level.iloc[0] == level]
+        # Measured runs in grey below the predictions.
         for run in of_level:
             axis.plot(1e3 * run.travel, 1e3 * run.sinkage, color="#999999", lw=0.8)
         for name, when, colour in zip(names, steady, ("#b3541e", "#1f6f8b"), strict=False):
+            # The length was fitted to the other levels, so the drawn curve is a prediction.
             length = errors[(errors.model == name) & (errors.level == level)].length_m.iloc[0]
             for number, run in enumerate(of_level):
                 z = 1e3 * relaxed(run, steady[when][level], length)
@@ -281,12 +288,14 @@ def draw(table: pd.DataFrame) -> plt.Figure:
     """Draw the held-out errors before and after in units of the noise; filled symbols are claimed changes."""
     figure, axis = plt.subplots(figsize=(9, 0.5 * len(table) + 1.6), layout="constrained")
     for place, row in enumerate(table.iloc[::-1].itertuples()):
+        # Errors in units of the noise make all channels comparable.
         before, after = row.held_out_before / row.noise, row.held_out_after / row.noise
         claimed = row.said in CLAIMED
         if claimed:
             axis.annotate("", (after, place), (before, place), arrowprops={"arrowstyle": "->", "color": "#777777"})
         axis.plot(before, place, "o", color="#b3541e")
         axis.plot(after, place, "s", color="#1f6f8b", mfc="#1f6f8b" if claimed else "none")
+    # Empty curves that only serve the legend.
     looks = (("before", "o", "#b3541e", "#b3541e"), ("after: a change beyond the scatter", "s", "#1f6f8b", "#1f6f8b"))
     for label, marker, edge, face in (*looks, ("after: no change to claim", "s", "#1f6f8b", "none")):
         axis.plot([], [], marker, color=edge, mfc=face, label=label)

@@ -220,6 +220,7 @@ def report(results: pd.DataFrame) -> str:
     for (k, c_d), part in results[results.scene == "incline"].groupby(["k", "c_d"]):
         lines.append(f"inclines, k = {1e3 * k:g} mm, c_d = {c_d:g}, {part.angle.nunique()} slopes")
         lines += [inclined(name, part) for name in CONTROLS]
+    # R is NaN where each sand has its own; groupby would drop these rows otherwise.
     for (k, loss, R, c_d), part in results[results.scene == "ditch"].groupby(["k", "loss", "R", "c_d"], dropna=False):
         R_text = "its own" if math.isnan(R) else f"{R:g}"
         walls = part.angle.nunique()
@@ -272,6 +273,7 @@ def drove(name: str, controlled: pd.DataFrame, there: str, more: str) -> str:
 def figure(results: pd.DataFrame, file: Path) -> Path:
     """Draw one slope over time, and the share of outcomes of each control on the inclines that dig."""
     sheet, axes = plot.new_figure(1, 3, size=(15.0, 4.4))
+    # One slope of the inclines that dig, under four of the controls.
     ground = Ground("incline", 7.0, 0.025, None, 0.0, 0.1)
     names = ("none", "true slip 0.1", "true slip 0.5", "T_lim(0.5) alone")
     for name, colour in zip(names, plot.COLOURS, strict=False):
@@ -289,6 +291,7 @@ def figure(results: pd.DataFrame, file: Path) -> Path:
 def fates(axis: Axes, results: pd.DataFrame) -> None:
     """Draw the share of inclines on which each control is buried, climbs, or does neither. Eq 9 may lack a table."""
     part = results[(results.scene == "incline") & (results.c_d > 0.0)]
+    # The three outcomes exclude each other, so the bars add up to 100 %.
     shares = {
         "buried": part.buried.notna(),
         "climbed 1 m": part.buried.isna() & part.there.notna(),

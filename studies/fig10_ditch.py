@@ -130,6 +130,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/fig10_ditch"))
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
+    # The drives of the figure first; they take seconds, while the map takes minutes.
     traces = shown()
     write_csv(histories(traces), options.out / "fig10_ditch.csv")
     first = save(draw_story(traces), options.out / "fig10_ditch.png")
@@ -186,6 +187,7 @@ def outcome(case: Scenario, sand: Sand, wall: float, control: Control) -> dict[s
 
 def outcomes(plan: list[tuple[Sand, float, Control]], workers: int, csv: Path) -> pd.DataFrame:
     """Drive every cell of the map in parallel and return the table; the CSV is updated after every 20 cells."""
+    # Results arrive in the order of the plan, so the CSV is valid at any time.
     results = Parallel(n_jobs=workers, return_as="generator", batch_size=4)(
         delayed(outcome)(case_of(*cell), *cell) for cell in plan
     )
@@ -240,6 +242,7 @@ def histories(traces: dict[str, tuple[Scenario, Trace]]) -> pd.DataFrame:
             "body_x_m": trace["body_x"],
             "speed_mps": trace["body_vx"],
         }
+        # One wheel of each axle is enough, because the drives are mirror-symmetric.
         part |= {
             f"{name}_{wheel}": trace[f"{name}_{wheel}"]
             for name in ("slip", "duty", "wheel_rate")
@@ -254,6 +257,7 @@ def draw_story(traces: dict[str, tuple[Scenario, Trace]]) -> Figure:
     figure = Figure(figsize=(18, 9), layout="constrained")
     axes = figure.subplots(4, len(traces), sharey="row")
     for column, (title, (case, trace)) in zip(axes.T, traces.items(), strict=True):
+        # From top to bottom: snapshots, slip, speed of the body, rim speeds.
         snapshots(column[0], case, trace)
         column[0].set_title(title, fontsize=10)
         column[1].plot(trace.t, trace["slip_ml"], color=COLOURS[1])

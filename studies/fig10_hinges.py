@@ -90,6 +90,7 @@ def main() -> None:
     options = parser.parse_args()
     changes = CHANGES[9:10] if options.quick else CHANGES
     csv, rows = options.out / "fig10_hinges.csv", []
+    # The table is written after every change, so that an interrupted run keeps its rows.
     for row in Parallel(n_jobs=options.workers, return_as="generator")(delayed(window)(change) for change in changes):
         rows.append(row)
         table = pd.DataFrame(rows)
@@ -169,6 +170,7 @@ def draw(table: pd.DataFrame) -> Figure:
     figure = Figure(figsize=(10, 0.42 * len(table) + 1.6), layout="constrained")
     axes = figure.subplots()
     for row, outcome in enumerate(table.itertuples()):
+        # Three bars for each change: out with constant duty, out with control only, stuck.
         end = min(outcome.stuck_from_deg, STEEPEST)
         axes.barh(row, end - 25.0, left=25.0, color="#a8d5a2", height=0.7)
         axes.barh(row, outcome.window_deg, left=end, color="tab:blue", height=0.7)

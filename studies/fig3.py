@@ -50,6 +50,7 @@ def main() -> None:
     curves = family(np.linspace(0, 1, 11 if options.quick else 101))
     curves.to_csv(options.out / "fig3.csv", index=False, float_format="%.6g")
     draw(curves, options.out / "fig3.png")
+    # Four slips are enough for the printed table; the CSV has all.
     table = curves[curves.S.isin([0.0, 0.1, 0.5, 1.0])].pivot_table(index=["form", "k_mm"], columns="S", values="F")
     print(table.round(3).to_string())
     print(f"written: {options.out / 'fig3.csv'}, {options.out / 'fig3.png'}")
@@ -73,6 +74,7 @@ def draw(curves: pd.DataFrame, path: Path) -> None:
     for axis, (name, title) in zip(axes, TITLES.items(), strict=True):
         for k, colour in zip(K_MM, colours, strict=True):
             curve = curves[(curves.form == name) & (curves.k_mm == k)]
+            # The paper's own value of k is drawn thicker.
             label = f"k = {k} mm" + (" (Table 1)" if k == 50 else "")
             axis.plot(curve.S, curve.F, color=colour, lw=2.6 if k == 50 else 1.4, label=label)
         axis.axhline(0, color="black", lw=0.8)

@@ -88,9 +88,11 @@ def draw(curves: pd.DataFrame, path: Path) -> None:
             curve = of_form.pivot_table(index="S", columns="n", values="F")
             style = "--" if form == "gross" else "-"
             axis.plot(curve.index, curve[1.0], color=colour, ls=style, lw=2, label=f"{form}, n = 1")
+            # The gross form nearly coincides with the torque form, so its band would hide the other.
             if form != "gross":
                 low, high, label = curve.min(axis=1), curve.max(axis=1), f"{form}, n = 0.5 to 2"
                 axis.fill_between(curve.index, low, high, color=colour, alpha=0.15, lw=0, label=label)
+        # A rover that climbs 12 deg needs F of at least tan 12 deg.
         axis.axhline(math.tan(math.radians(12)), color="black", ls=":", lw=1.5, label="tan 12 deg (Fig 8)")
         axis.axhline(0, color="black", lw=0.8)
         axis.set(title=title, xlabel="slip ratio S [-]", xlim=(-0.02, 1.02))

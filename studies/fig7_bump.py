@@ -56,6 +56,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="one step size only, no other heights")
     parser.add_argument("--out", type=Path, default=Path("out/fig7_bump"))
     options = parser.parse_args()
+    # Every combination of width and ground, at the height of the study.
     cases = {(width, ground): over(width, ground) for width in WIDTHS for ground in GROUNDS}
     traces = {case: drive.drive() for case, drive in cases.items()}
     table = summary(cases, traces, options.quick)
@@ -109,6 +110,7 @@ def row(case: Scenario, trace: Trace, names: tuple[str, int, float], quick: bool
         "height_mm": 1e3 * height,
         "crossing_s": round(end - begin, 2),
     }
+    # Angles of the left side, which meets the bump in both widths.
     cells |= {f"{angle_name}_deg": round(peak(trace, f"{angle_name}_l"), 1) for angle_name in ("rocker", "bogie")}
     cells |= {f"{angle_name}_deg": round(peak(trace, f"body_{angle_name}"), 1) for angle_name in ("pitch", "yaw")}
     if not quick:
@@ -158,6 +160,7 @@ def draw(cases: dict[Case, Scenario], traces: dict[Case, Trace]) -> Figure:
     figure = Figure(figsize=(11, 10.5), layout="constrained")
     axes = figure.subplot_mosaic([["bump", "bump"], ["a", "b"], ["c", "d"]], height_ratios=[1.05, 1, 1])
     outline(axes["bump"], cases["bump", 0], traces["bump", 0])
+    # Angles over time: the left wheels over a bump of sand and of hard ground.
     for key, width in (("a", "bump"), ("b", "one-sided-bump")):
         for ground, (name, colour) in GROUNDS.items():
             trace = traces[width, ground]
@@ -165,6 +168,7 @@ def draw(cases: dict[Case, Scenario], traces: dict[Case, Trace]) -> Figure:
                 label = f"{joint[:-2]}, {name} bump"
                 axes[key].plot(trace.t, np.degrees(trace[joint]), style, color=colour, label=label)
         axes[key].set(title=f"{WIDTHS[width]}: left side over time", xlabel="t [s]", ylabel="angle [deg]", xlim=(4, 24))
+    # Angles over position, where the time scale has no influence, and the speed.
     for ground, (name, colour) in GROUNDS.items():
         trace = traces["one-sided-bump", ground]
         axes["c"].plot(trace["body_x"], np.degrees(trace["bogie_l"]), color=colour, label=f"bogie, {name} bump")
@@ -190,6 +194,7 @@ def outline(axes: object, case: Scenario, trace: Trace) -> None:
     axes.fill_between(x, z, -0.04, color="#d9c9a5", lw=0)
     axes.plot(x, z, color="#8a7340", lw=1)
     places = (0.2, 0.42, 0.64, 0.86, 1.08)
+    # Darker outlines are later.
     for shade, place in zip(np.linspace(0.6, 0.0, len(places)), places, strict=True):
         at = int(np.searchsorted(trace["body_x"], place))
         if at < len(trace.t):

@@ -62,6 +62,7 @@ def main() -> None:
     parser.add_argument("--found", type=Path, default=HERE / "results" / "steepening-slope")
     parser.add_argument("--out", type=Path, default=Path("out/fig8_loop"))
     options = parser.parse_args()
+    # The stored folder of a loop replaces a run of the loop, which takes minutes.
     heights = driven(read_drive_log(options.log), options.found)
     table = rows(heights)
     csv = write_csv(table, options.out / "fig8_loop.csv")
@@ -74,11 +75,13 @@ def driven(log: DriveLog, loop_folder: Path) -> Heights:
     """Return the elevation over time of every run, from the log and from the three models driven freely."""
     declared = base_model(log)
     experiment: DriveExperiment = experiment_of(logged_runs(log, declared.rover), declared)
+    # The fitted base model separates the gain of the added effect from the gain of the fit.
     models = {DECLARED: declared, FITTED: fitted(experiment, declared, loop_folder)}
     models[FOUND] = read_model(loop_folder / "model.toml", declared.terrain)
     heights: Heights = {}
     for run in experiment.runs:
         heights[run.name] = {"t": run.commands.t, "log": gained(run.commands.t, run.measured["body_z"])}
+    # Free replays start where the run started and never use the measured position again.
     for label, model in models.items():
         for run, replay in zip(experiment.runs, experiment.free.replays(model), strict=True):
             heights[run.name][label] = gained(run.commands.t, replay.channels["body_z"])

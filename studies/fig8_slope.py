@@ -89,6 +89,7 @@ def main() -> None:
         variant.label: scenario("slope", soil="table-1", **variant.settings, duration=duration) for variant in readings
     }
     traces = {label: case.drive() for label, case in cases.items()}
+    # The table has one row for each variant, with the half-step check unless --quick.
     table = pd.DataFrame([row(label, cases[label], traces[label], options.quick) for label in cases])
     csv = write_csv(histories(traces), options.out / "fig8_slope.csv")
     write_csv(table, options.out / "fig8_summary.csv")
@@ -155,9 +156,11 @@ def draw(traces: dict[str, Trace]) -> Figure:
     figure = Figure(figsize=(12, 8), layout="constrained")
     time_slip, steep_slip, steep_time, height = figure.subplots(2, 2).ravel()
     for (label, trace), colour in zip(traces.items(), COLOURS, strict=False):
+        # The gross form nearly coincides with the torque form, so it is dashed.
         look = {"color": colour, "ls": "--" if "gross" in label else "-", "lw": 1.6}
         steep, slip = inclination(trace), trace["slip_ml"]
         time_slip.plot(trace.t, slip, label=label, **look)
+        # Slip against inclination is meaningful on the slope only.
         steep_slip.plot(steep[steep > 0], slip[steep > 0], **look)
         steep_time.plot(trace.t, steep, **look)
         height.plot(trace.t, 1e3 * (trace["body_z"] - trace["body_z"][0]), **look)

@@ -50,12 +50,14 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/gallery"))
     options = parser.parse_args()
     more = {"duration": 1.0} if options.quick else {}
+    # A scenario with a picture and the same scenario at its defaults count as two drives.
     words = [*PICTURES.values(), *(name for name in SCENES if name not in WANT_A_FILE)]
     rows = []
     for arguments in dict.fromkeys(words):
         case = drive_of(arguments, **more)
         trace = case.drive()
         rows.append((f"rover-pin drive {arguments}", trace.attrs["outcome"], float(trace.t[-1])))
+        # A drive may serve no picture or several.
         for file in [file for file, words_of_picture in PICTURES.items() if words_of_picture == arguments]:
             save(snapshots(trace, case.model), options.out / file)
     table = pd.DataFrame(rows, columns=["command", "outcome", "time [s]"])

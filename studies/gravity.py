@@ -94,6 +94,7 @@ def main() -> None:
     options = parser.parse_args()
     scenes = ("flat", "ditch, k = 10 mm") if options.quick else tuple(SCENES)
     rows, traces = [], {}
+    # Slow drives: every scene with both angle laws at every place.
     for scene in scenes:
         for angles in ANGLES:
             for place in PLACES:
@@ -104,6 +105,7 @@ def main() -> None:
     csv = write_csv(table, options.out / "gravity.csv")
     png = save(draw(table, traces), options.out / "gravity.png")
     print(table.to_string(index=False))
+    # Fast drives need other motors and a finer step.
     fast, courses = fast_drives(SPEEDS[-1:] if options.quick else SPEEDS, options.quick)
     fast_csv = write_csv(fast, options.out / "gravity_fast.csv")
     fast_png = save(draw_fast(fast, courses), options.out / "gravity_fast.png")
@@ -117,6 +119,7 @@ def fast_drives(speeds: tuple[float, ...], quick: bool) -> tuple[pd.DataFrame, d
     for scene in FAST:
         for speed in speeds:
             for place in PLACES:
+                # Other dampings only where bouncing is strongest, to show their influence at low cost.
                 fastest = scene == "bump, hard" and speed == SPEEDS[-1] and not quick
                 for damping in DAMPING if fastest else DAMPING[1:2]:
                     case = rushing(scene, speed, place, damping)
@@ -153,6 +156,7 @@ def fast_row(names: tuple[str, float, str, float], trace: Trace, half: Trace | N
     g = GRAVITIES[place]
     cells = {"scene": scene, "speed_mps": speed, "place": place, "froude": speed**2 / (g * LENGTH), "d_spm": damping}
     cells |= bouncing(trace, g, FAST[scene][2])
+    # The entry speed does not depend on the step, so it is not repeated.
     if half is not None:
         cells |= {
             f"{name}_half_dt": value for name, value in bouncing(half, g, FAST[scene][2]).items() if name != "in_mps"
@@ -199,6 +203,7 @@ def passing(trace: Trace, place: float) -> float:
 def row(names: tuple[str, str, str], case: Scenario, trace: Trace, quick: bool) -> dict[str, Any]:
     """Return the row of a slow drive: sinkage, slip, time, lift-off, angles and load swing."""
     scene, angles, place = names
+    # The first 2 s contain the settling and the start.
     later = trace.t > 2.0
     normal = trace.stack("normal")[later]
     cells = {"scene": scene, "angles": angles, "place": place, "g_mps2": GRAVITIES[place]}
@@ -210,6 +215,7 @@ def row(names: tuple[str, str, str], case: Scenario, trace: Trace, quick: bool) 
         "pitch_deg": peak(trace, "body_pitch"),
     }
     cells |= {"load_swing": swing(trace)}
+    # The drive at half the step shows whether the outcome depends on the step.
     if not quick:
         half = dataclasses.replace(case, timing=case.timing.with_half_step()).drive()
         cells |= {"time_half_dt_s": passing(half, SCENES[scene][3]), "load_swing_half_dt": swing(half)}
@@ -240,6 +246,7 @@ def draw(table: pd.DataFrame, traces: dict[tuple[str, str, str], Trace]) -> Figu
         "slip": "mean slip [-]",
         "time_s": "time to the mark [s] (no bar: not reached)",
     }
+    # Six bars for each scene: two angle laws at three places.
     for axes, (column, title) in zip(bars, titles.items(), strict=True):
         for i, (angles, place) in enumerate((angles, place) for angles in ANGLES for place in PLACES):
             part = table[(table.angles == angles) & (table.place == place)].set_index("scene")[column].reindex(scenes)
@@ -253,6 +260,7 @@ def draw(table: pd.DataFrame, traces: dict[tuple[str, str, str], Trace]) -> Figu
         axes.set_title(title, fontsize=10)
         axes.grid(axis="y", alpha=0.3)
     above.legend(*bars[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
+    # Speed over time in the last scene, the ditch.
     lines = below.subplots(1, 2)
     for axes, angles in zip(lines, ANGLES, strict=True):
         for place, colour in zip(PLACES, COLOURS, strict=False):
@@ -269,6 +277,7 @@ def draw_fast(table: pd.DataFrame, courses: dict[tuple[str, float, str], Trace])
     figure = Figure(figsize=(13, 4.2), layout="constrained")
     axes = figure.subplots(1, 3)
     default_damping = table[table.d_spm == DAMPING[1]]
+    # Colour gives the place, line style the scene.
     for (scene, place), part in default_damping.groupby(["scene", "place"]):
         look = {
             "color": COLOURS[PLACES.index(place)],
@@ -283,6 +292,7 @@ def draw_fast(table: pd.DataFrame, courses: dict[tuple[str, float, str], Trace])
     axes[0].legend(fontsize=8)
     for place, colour in zip(PLACES, COLOURS, strict=False):
         trace = courses["bump, hard", SPEEDS[-1], place]
+        # Static load: a sixth of the rover's weight (5.8 kg) at this gravity.
         static = GRAVITIES[place] * 5.8 / 6.0
         axes[2].plot(trace["body_x"], trace["normal_fl"] / static, color=colour, lw=1.0, label=place)
     title = f"front wheel over the hard bump at {SPEEDS[-1]:g} m/s"

@@ -63,9 +63,11 @@ def main() -> None:
     parsed.out.mkdir(parents=True, exist_ok=True)
     repeats, cells = (5, 25) if parsed.quick else (100, 70)
 
+    # Every form with every k, from identifiable to not identifiable.
     table = pd.DataFrame([row(K / 1000, form, repeats) for form in FORMS for K in K_MM])
     table.to_csv(parsed.out / "identify_table1.csv", index=False)
     print(table.to_string(index=False, float_format=lambda x: f"{x:.4g}"))
+    # A single experiment like the paper's, with all constants uncertain.
     points = measured(TABLE_1, FORMS[0], seed=1)
     print(f"\nTable 1, net form, one experiment, all constants uncertain:\n{identify(points).report()}")
     draw(points, repeats, cells).savefig(parsed.out / "identify_table1.png", dpi=150)

@@ -61,6 +61,7 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     rows = []
     for data, folders in list(SETS.items())[: 1 if options.quick else None]:
+        # Two folders are fitted jointly as one set.
         paths = tuple(DATA / folder for folder in folders)
         rows.append(row_of(data, close_the_loop(paths if len(paths) > 1 else paths[0])))
         print(pd.DataFrame(rows[-1:]).T.to_string(header=False), end="\n\n", flush=True)
@@ -73,6 +74,7 @@ def main() -> None:
 def row_of(data: str, verdict: Verdict) -> dict[str, str]:
     """Return a verdict as a row of the table."""
     assert verdict.beliefs is not None
+    # Cells are text, so that the table can be shown on a page as it is.
     return {
         "data": data,
         "answer": verdict.answer.value,

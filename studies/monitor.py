@@ -98,6 +98,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="three short drives: shows that it runs")
     parser.add_argument("--out", type=Path, default=Path("out/monitor"))
     parser.add_argument("--workers", type=int, default=0, help="processes; 0 for all cores")
+    # Every drive has its own noise seed.
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     cases = [(case, seed + at) for seed in SEEDS for at, case in enumerate(drawn(ROUNDS, DURATION, seed))]
@@ -108,6 +109,7 @@ def main() -> None:
         unpacked(case, seed, row)
         for (case, seed), row in zip(cases, evaluations.run("drives", watched, cases), strict=True)
     ]
+    # Alarms by level, then scores of the probabilities, which do not depend on a level.
     table = pd.DataFrame([at_level(drives, level) for level in LEVELS])
     for event in ("stuck", "buried"):
         p, came, _ = outcomes(drives, event)
@@ -141,6 +143,7 @@ class Beside:
 
 def watched(case: Case, seed: int) -> list[float]:
     """Return a drive as a flat list: end [s], buried, number of stuck periods, the periods, the monitor's output."""
+    # The monitor reads noisy sensors, like a monitor on a real rover.
     scene = built(case)
     beside = Beside(Monitor.of(scene.model))
     trace = simulate(
@@ -153,6 +156,7 @@ def watched(case: Case, seed: int) -> list[float]:
     )
     spans = stuck_spans(trace, float(scene.model.rover.wheel.r))
     buried = str(trace.attrs["stop"]).startswith("buried")
+    # A flat list of numbers, which the evaluation cache can store.
     return [
         float(trace.t[-1]),
         float(buried),
@@ -240,6 +244,7 @@ def report(drives: list[Drive], table: pd.DataFrame, bins: pd.DataFrame) -> str:
     """Return the tables as text."""
     hours, burials, stuck = table.loc[0, ["hours", "burials", "stuck"]]
     lines = [f"{len(drives)} drives, {hours:.2f} h, {burials:.0f} burials, {stuck:.0f} times stuck"]
+    # The Brier score before the rover is stuck is the harder test, because the event is not visible yet.
     for event in ("stuck", "buried"):
         p, came, before = outcomes(drives, event)
         briers = [f"{np.mean((p - came)[rows] ** 2):.4f}" for rows in (slice(None), before)]
@@ -257,6 +262,7 @@ def report(drives: list[Drive], table: pd.DataFrame, bins: pd.DataFrame) -> str:
             f"{row.caught} of {row.stuck} stuck; "
             f"false an hour {row.false_per_hour:.1f} (4 s), {row.false_8s_per_hour:.1f} (8 s)"
         )
+    # Drives whose burial comes without a timely warning, for a closer look.
     late = [
         f"{drive.kind} {drive.seed}" for drive in drives if drive.buried and at_level([drive], ALARM)["warned"] == 0
     ]
@@ -274,6 +280,7 @@ def figure(table: pd.DataFrame, bins: pd.DataFrame, out: Path) -> None:
     left.set(xlabel="false alarms an hour", ylabel="burials warned 2 s before [%]")
     for (event, rows), colour in zip(bins.groupby("event", sort=False), plot.COLOURS, strict=False):
         right.plot(rows.said, rows.came, "o-", color=colour, label=event)
+    # The diagonal is perfect calibration.
     right.plot([0, 1], [0, 1], color="0.6", lw=0.8)
     right.set(xlabel="P said", ylabel="share that came")
     for axis in (left, right):

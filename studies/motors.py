@@ -81,6 +81,7 @@ def main() -> None:
     read, sentence_table = readings(), sentences(0.1 if options.quick else 1.0)
     plot.write_csv(read, options.out / "eq9.csv")
     plot.write_csv(sentence_table, options.out / "sentences.csv")
+    # One table for each motor, with both sands.
     for name, table in read.groupby("motor", sort=False):
         print(f"\n{name}: rim speed [mm/s] and S_hat of Eq (9) at duty {CRUISE_DUTY:g}")
         print(table.drop(columns="motor").round(3).to_string(index=False))
@@ -97,6 +98,7 @@ def figure(read: pd.DataFrame, out: Path) -> None:
         style = {"marker": "o", "ls": "-" if motor == "speed-like" else "--", "label": f"{motor}, k = {k:g} mm"}
         axes[0].plot(table["S"], table["rim_mmps"], **style)
         axes[1].plot(table["S"], table["S_hat"], **style)
+    # A correct estimate would lie on this line.
     axes[1].plot([0.0, 1.0], [0.0, 1.0], "k:", label="S itself")
     for axis, label in zip(axes, ("rim speed at duty 0.55 [mm/s]", "S_hat of Eq (9) [-]"), strict=True):
         axis.set(xlabel="slip S [-]", ylabel=label)

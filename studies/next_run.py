@@ -129,6 +129,7 @@ def runs_needed(name: str, after: Callable[[list[Any]], Told], seed: int, is_pro
 def rig(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
     """Return the hidden effect of a rig, and the function that gives the beliefs after runs of its list."""
     make, random = rig_generator(), np.random.default_rng(seed)
+    # With the usual noise further runs identify nothing, so the noise is reduced.
     make.SD = tuple(FINE * sd for sd in make.SD)
     name = sorted(LISTED.keys() - {"InterfaceFriction"})[seed % (len(LISTED) - 1)]
     hidden = make.Rig(sizes=drawn_sizes(Hidden(Kind.PAIR, (name,), seed, "white"), random), **drawn_soil(random))
@@ -140,6 +141,7 @@ def rig(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
             RigData(RigExperiment((data,)), RigModel(data.wheel, data.soil())).question(known_effects()),
             next_runs((data,)),
         )
+        # The offered runs, each with its load, slip and speed, so that a chosen name can be measured.
         ahead = offer.experiment.sets[0]
         conditions = zip(ahead.load.tolist(), ahead.slip.tolist(), ahead.speeds[:, 0].tolist(), strict=True)
         return Told(explorer_of(question, quiet).explore(), offer, dict(zip(ahead.runs, conditions, strict=True)))
@@ -164,6 +166,7 @@ def bench(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
     make = pendulum_generator()
     laws = [law for law in make.LAWS if law != "none"]
     name = laws[seed % len(laws)]
+    # The bench is declared in files, as a user would declare it.
     with tempfile.TemporaryDirectory() as folder:
         make.write(Path(folder), name, seed)
         declared = Pendulum.read(Path(folder))
@@ -172,6 +175,7 @@ def bench(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
 
     def after(chosen: list[int]) -> Told:
         """Return beliefs and offer after the first run and the chosen runs."""
+        # The first run always belongs to the data.
         which = [0, *chosen]
         folds = tuple(f"run {at}" for at, _ in enumerate(which))
         measured_runs = replace(ahead, folds=folds, time=ahead.time[which], set_values=ahead.set_values[which],
@@ -186,6 +190,7 @@ def observed(make: ModuleType, law: str, seed: int, ahead: Pendulum) -> Callable
     """Return the function that measures a run of the list (channels, samples), with new noise each time."""
     numbers, hidden = make.drawn(np.random.default_rng(seed), law)
     volts = ahead.set_values[:, 0].T
+    # The generator simulates a fixed number of runs at once.
     parts = [
         make.simulated(volts[:, at : at + make.RUNS], numbers, hidden) for at in range(0, volts.shape[1], make.RUNS)
     ]
@@ -195,6 +200,7 @@ def observed(make: ModuleType, law: str, seed: int, ahead: Pendulum) -> Callable
     def measured(at: int, turn: int) -> np.ndarray:
         """Return the measured channels of run `at` with the noise of repetition `turn`."""
         rows = exact[:, :, at] + sd * np.random.default_rng([seed, turn]).normal(size=exact.shape[:2])
+        # The encoder rounds the angle to its steps.
         rows[0] = step * np.round(rows[0] / step)
         return np.asarray(rows)
 

@@ -132,6 +132,7 @@ def main() -> None:
     options = parser.parse_args()
     fits = [resolution for form in ("net", "torque") for resolution in resolved(form, options.quick)]
     print(contradictions(fits).to_string(index=False), end="\n\n")
+    # Statements that Table 1 itself breaks, by form.
     net, torque = (
         int(np.sum(np.abs(resolution.residuals) > KEPT)) for resolution in fits if not resolution.change.names
     )
@@ -248,6 +249,7 @@ def contradictions(fits: Sequence[Resolved]) -> pd.DataFrame:
         "statement": [s.words for s in STATEMENTS],
         "number": [s.short for s in STATEMENTS],
     }
+    # A limit has one finite side; the other side is infinite.
     rows["limit"] = [
         f">= {s.low:g}" if math.isfinite(s.low) and s.low > -1e9 and s.high == math.inf else f"<= {s.high:g}"
         for s in STATEMENTS
@@ -261,6 +263,7 @@ def contradictions(fits: Sequence[Resolved]) -> pd.DataFrame:
 def ranking(fits: Sequence[Resolved]) -> pd.DataFrame:
     """Return the ranking of all changes by chi2, with gain, detection threshold and broken statements."""
     base = {resolution.form: resolution.chi2 for resolution in fits if not resolution.change.names}
+    # The detection threshold grows with the number of single changes tried.
     count = sum(resolution.change.parts == 1 for resolution in fits if resolution.form == "net")
     rows = []
     for resolution in fits:
@@ -278,6 +281,7 @@ def ranking(fits: Sequence[Resolved]) -> pd.DataFrame:
                 "statements_broken": ", ".join(broken) or "none",
             }
         )
+    # The order of kinds is that of the docstring, not alphabetical.
     order = {"given": 0, "one change": 1, "two changes": 2}
     table = pd.DataFrame(rows)
     return table.sort_values(
@@ -291,6 +295,7 @@ def draw(fits: Sequence[Resolved]) -> Figure:
     for axis, form in zip(figure.subplots(1, 2, sharey=True), ("net", "torque"), strict=True):
         of_form = [resolution for resolution in fits if resolution.form == form]
         curves = [of_form[0]]
+        # The two best changes of each size, next to the base.
         for parts in (1, 2):
             ranked = sorted(
                 (resolution for resolution in of_form if resolution.change.parts == parts),
@@ -300,6 +305,7 @@ def draw(fits: Sequence[Resolved]) -> Figure:
         for resolution, colour in zip(curves, COLOURS, strict=False):
             F = np.asarray(curve(form, resolution.change)(resolution.values)).ravel()
             axis.plot(SLIPS, F, color=colour, label=f"{resolution.shown}: chi2 {resolution.chi2:.3g}")
+        # A rover that climbs a slope needs F above its tangent.
         for slope, text in ((12.0, "12 deg"), (18.0, "18 deg")):
             axis.axhline(math.tan(math.radians(slope)), color="black", ls=":", lw=1)
             axis.annotate(text, (0.01, math.tan(math.radians(slope))), va="bottom", fontsize=8)

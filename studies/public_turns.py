@@ -75,6 +75,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/public_turns"))
     options = parser.parse_args()
     names, seconds = (["Jackal J100"], 2.0) if options.quick else (list(ROVERS), 20.0)
+    # The rovers are written to files, because scenarios read rovers from files.
     with tempfile.TemporaryDirectory() as folder:
         table = pd.DataFrame(
             [
@@ -95,6 +96,7 @@ def written(folder: Path, maker: Maker) -> Path:
     """Write the rover as boxes and wheels; return the path of its TOML file."""
     folder.mkdir(exist_ok=True)
     links, joints = [link("body", maker.body, maker.length, maker.centre)], []
+    # Every wheel turns about its own continuous joint; the rovers have no suspension here.
     for name, (x, y) in WHEELS.items():
         links.append(link(f"{name}_link", maker.wheel, maker.r))
         joints.append(
@@ -151,6 +153,7 @@ def figure(table: pd.DataFrame, out: Path) -> None:
     for shift, (ground, rows) in zip((-0.18, 0.18), table.groupby("ground", sort=False), strict=False):
         at = np.arange(len(rows)) + shift
         axes.barh(at, rows["driven_deg_s"] / rows["commanded_deg_s"], 0.34, label=ground, color=COLOURS[int(shift > 0)])
+    # A ratio of 1 is a turn at the commanded rate.
     axes.axvline(1.0, color="0.4", lw=0.8)
     axes.set_yticks(range(len(labels)), labels, fontsize=8)
     axes.invert_yaxis()

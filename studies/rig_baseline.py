@@ -56,6 +56,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/rig_baseline"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
+    # Wheel and noise are those that the rig's file declares.
     rig = tomllib.loads((DATA / "rig.toml").read_text())
     wheel = Wheel(rig["wheel"]["r"]["value"], rig["wheel"]["b"]["value"])
     noise = np.array([rig["noise"]["drawbar_pull_over_load"], rig["noise"]["sinkage"]["value"]])
@@ -65,6 +66,7 @@ def main() -> None:
     table.to_csv(options.out / "rig_baseline.csv", index=False, float_format="%.6g")
     draw(table, wheel, runs, best, options.out / "rig_baseline.png")
     report(table, noise, best, sd)
+    # The pressings are not part of the fit; they show that the fitted modulus is distorted.
     print("pressed in without turning: K_eff =", ", ".join(f"{K / 1e6:.2f}e3" for K in pressed_in(wheel)), "kPa/m^n")
     print(f"written: {options.out / 'rig_baseline.csv'}, {options.out / 'rig_baseline.png'}")
 
@@ -126,6 +128,7 @@ def channels(runs: pd.DataFrame) -> np.ndarray:
 def predictions(runs: pd.DataFrame, wheel: Wheel, best: np.ndarray) -> pd.DataFrame:
     """Return one row for each run: measured, Table 1 as printed, and fitted."""
     rig, measured = model(wheel), channels(runs)
+    # Fitted pull over load and sinkage at the slip and load of each run.
     fitted = np.array([np.array(rig(best, W, S)[0]).ravel() for W, S in zip(runs.load_N, runs.slip, strict=True)])
     printed = [load_traction_factor(float(S), TABLE_1, wheel) for S in runs.slip]
     return pd.DataFrame(
@@ -163,6 +166,7 @@ def rms(residual: pd.Series) -> float:
 
 def draw(table: pd.DataFrame, wheel: Wheel, runs: pd.DataFrame, best: np.ndarray, path: Path) -> None:
     """Draw drawbar pull and sinkage over slip: measured, Table 1, and fitted."""
+    # Smooth curves at the mean load; the measured runs differ slightly in load.
     slips, load, rig = np.linspace(0, 0.95, 96), float(runs.load_N.mean()), model(wheel)
     smooth = np.array([np.array(rig(best, load, S)[0]).ravel() for S in slips])
     printed = [load_traction_factor(float(S), TABLE_1, wheel) for S in slips]

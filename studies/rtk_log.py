@@ -70,8 +70,10 @@ def main() -> None:
         parser.error("give the folder of the downloaded CSVs; the docstring says where they are")
     folder, runs, out = options.folder, options.runs, options.out
     out.mkdir(parents=True, exist_ok=True)
+    # The quick check needs no download: it invents two runs and compares odometry only.
     log = read_drive_log(imported(None, [], out / "quick") if options.quick else imported(folder, runs, out / "fitted"))
     rows = against_odometry(log) if options.quick else closed(log, out)
+    # Later runs are predicted with the models from the first runs, without a new fit.
     for group in () if options.quick else LATER:
         verdict, later = rows[0]["verdict"], read_drive_log(imported(folder, group, out / "-".join(group)))
         rows += predicted(log, later, (verdict.before.model, verdict.model), " ".join(group))
@@ -100,6 +102,7 @@ def imported(folder: Path | None, runs: list[str], work: Path) -> Path:
 
 def husky(work: Path) -> Path:
     """Write a rover with the maker's numbers; return the path of its TOML file."""
+    # Boxes with the maker's masses; the inertias are those of the body and of a wheel.
     box = '<inertia ixx="{0}" iyy="{1}" izz="{2}" ixy="0" ixz="0" iyz="0"/>'
     body = f'<inertial><origin xyz="0 0 0.1"/><mass value="46.0"/>{box.format(0.6, 1.5, 1.7)}</inertial>'
     parts = [f'<link name="base_link">{body}</link>']

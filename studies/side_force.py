@@ -94,6 +94,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/side_force"))
     options = parser.parse_args()
     names = [name for name in LAWS if not options.quick or name.startswith(("old:", "new:"))]
+    # Every manoeuvre with every law, 20 s each.
     traces = {(way, name): driven(way, LAWS[name], 10.0 if options.quick else 20.0) for way in WAYS for name in names}
     table = pd.DataFrame([row(way, name, trace) for (way, name), trace in traces.items()])
     csv = write_csv(table, options.out / "side_force.csv")
@@ -138,6 +139,7 @@ def draw(traces: dict[tuple[str, str], Trace]) -> Figure:
     """Draw the paths, headings and drifts of each manoeuvre with every law."""
     figure = Figure(figsize=(11, 7), layout="constrained")
     panels = dict(zip(WAYS, figure.subplots(2, 2).ravel(), strict=True))
+    # Colour and line style belong to a law in all panels.
     looks = dict(zip(LAWS, zip(COLOURS, ("-", "-", "--", ":"), strict=False), strict=True))
     for (way, name), trace in traces.items():
         colour, style = looks[name]

@@ -72,8 +72,10 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=0, help="processes; 0 for all cores")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
+    # The quick check takes three drives of the first round.
     cases = drawn(1, 6.0)[1:4] if options.quick else drawn(10, DURATION)
     evaluations = Evaluations(options.out, options.workers or None, said)
+    # All estimates run on the same drive, so that they read the same sensor noise.
     watching = evaluations.run("estimates beside constant duty", watched, [(case, at) for at, case in enumerate(cases)])
     plot.write_csv(errors := told(watching, cases), options.out / "errors.csv")
     figure(cases, options.out)
@@ -114,15 +116,19 @@ def drawn(count: int, duration: float, seed: int = SEED) -> list[Case]:
 
     cases: list[tuple[str, str, dict[str, Any]]] = []
     for i in range(count):
+        # Three inclines, one of them with the cart.
         for kind, rover in (("digging incline", {}), ("digging incline", {}), (CART, FIRM)):
             ground = {"terrain.angle_deg": between(3.0, 11.0), "terrain.start": 0.5, **sand(0.01, 0.05)}
             cases.append((kind, "incline", {**ground, **rover, "add": (hole(),)}))
+        # Three ditches in stiff sand, half of them with digging.
         for _ in range(3):
             ground = {"terrain.wall_angle_deg": between(34.0, 50.0), **sand(0.0025, 0.01)}
             cases.append(("ditch", "ditch", {**ground, "add": (f"PostPeak.fraction={between(0.0, 0.5, 2)}", *dug())}))
+        # Two slopes that steepen, with different starts.
         for start in (0.0, 0.25):
             ground = {"terrain.start": start, **sand(0.005, 0.025), "add": tuple(dug())}
             cases.append(("steepening slope", "slope", ground))
+        # Hills and rocks; in every third round the cart drives them.
         rover, kinds = (FIRM, (CART, CART)) if i % 3 == 2 else ({}, ("hills", "rocks"))
         cases += [
             (kind, name, {**sand(0.005, 0.02), **rover}) for kind, name in zip(kinds, ("hills", "rocks"), strict=True)
@@ -254,11 +260,13 @@ def report(errors: pd.DataFrame) -> str:
 
 def figure(cases: list[Case], out: Path) -> None:
     """Draw true and estimated slip of the front left wheel over one drive of the first three kinds."""
+    # The first drive of each kind, three kinds at most.
     examples = [next(case for case in cases if case.kind == kind) for kind in dict.fromkeys(c.kind for c in cases)][:3]
     sheet, axes = plot.new_figure(1, len(examples), size=(5.0 * len(examples), 4.2))
     for axis, case in zip(np.atleast_1d(axes), examples, strict=True):
         recorders = estimates(scene := built(case))
         run(scene, Watching(list(recorders.values())), cases.index(case))
+        # The true slip is recorded with every estimate; here it is taken from one of them.
         t, _, _, true = recorders["onboard"].columns()
         axis.plot(t, true[:, 0], color="black", lw=1.5, label="true")
         for (name, recorder), colour in zip(recorders.items(), plot.COLOURS, strict=False):

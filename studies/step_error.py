@@ -67,6 +67,7 @@ def main() -> None:
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     file = options.out / "step_error.csv"
+    # Drives in the table are not repeated, so that an interrupted run continues.
     rows = pd.read_csv(file).to_dict("records") if file.is_file() else []
     done = {row["seed"] for row in rows}
     for seed in range(3 if options.quick else options.drives):

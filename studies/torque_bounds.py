@@ -64,6 +64,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/torque_bounds"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
+    # Three questions, three tables: by load, by slope, and the slope that the pull holds.
     tables = {
         "by_load": by_load(np.linspace(0.0, 25.0, 11 if options.quick else 101)),
         "by_slope": by_slope(np.linspace(0.0, 30.0, 7 if options.quick else 61)),
@@ -160,6 +161,7 @@ def draw_climbable(axis: Axes, table: pd.DataFrame) -> None:
     """Draw the slopes that the pull holds, for each soil and form."""
     places = {soil: i for i, soil in enumerate(SETS)}
     shades = {"net": "tab:red", "torque": "tab:blue", "gross": "tab:green"}
+    # For each soil three bars side by side, one for each form.
     for offset, (form, colour) in zip((-0.25, 0.0, 0.25), shades.items(), strict=True):
         of_form = table[table.form == form]
         x = np.array([places[soil] + offset for soil in of_form.soil])
@@ -167,6 +169,7 @@ def draw_climbable(axis: Axes, table: pd.DataFrame) -> None:
         axis.plot(x, of_form.deg_at_S_lim, "o", color=colour)
         axis.plot(x, of_form.deg_at_S_1, "s", color=colour)
         axis.plot(x, of_form.deg_at_full_shear, "_", color=colour, ms=12, mew=2)
+    # Empty curves that only serve the legend.
     for marker, name in (("o", f"all wheels at S = {S_LIM:g}"), ("s", "at S = 1"), ("_", "at full shear")):
         axis.plot([], [], marker, color="black", label=name)
     axis.axhline(PAPER_SLOPE, color="black", ls=":", lw=1.2)

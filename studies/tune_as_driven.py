@@ -70,6 +70,7 @@ def main() -> None:
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     rounds, duration, seeds = (1, 3.0, 2) if options.quick else (3, DURATION, SEEDS)
+    # Tuning and evaluation use separate seeds, so that the evaluation is held out.
     training, fresh = (cases(rounds, duration, TRAINED_ON), cases(10, duration, JUDGED_ON))
     effort = Effort(population=10, generations=5, starts=0, keep=4)
     if options.quick:
@@ -79,6 +80,7 @@ def main() -> None:
     )
     result = tune_gains(study, options.out, said, options.workers or None)
     print(result.law, *result.where(), *result.by_ground(), sep="\n", flush=True)
+    # The compared laws: no control, hand-set, found with the true slip, and tuned as driven.
     laws = {
         "constant duty": (CONSTANT_DUTY, study.law_before),
         HAND: ("onboard", SlipLaw(Gains(S_d=0.2))),
@@ -87,6 +89,7 @@ def main() -> None:
     }
     evaluations = Evaluations(options.out, options.workers or None, said)
     drive_laws = {name: [(by, law)] * len(fresh) for name, (by, law) in laws.items()}
+    # The upper limit takes another law on every drive.
     drive_laws[CEILING] = [
         ("onboard", law) for law in best_laws(fresh, study, result.law, 3 if options.quick else TRIED, evaluations)
     ]

@@ -65,6 +65,7 @@ def main() -> None:
         results[name] = tune_gains(study, options.out / name)
         print(f"\n{name}: {results[name].gains}")
         print("\n".join((*results[name].verdicts(), *results[name].where(), *results[name].search_notes)), flush=True)
+        # Agreement of the reduced model with the full rover, drive by drive.
         for case, *errors in results[name].check:
             print(f"reduced model, {case}: slip RMSE {errors[0]:.3f}, speed RMSE {1e3 * errors[1]:.1f} mm/s")
     table = pd.concat([digests(name, result) for name, result in results.items()])
@@ -101,6 +102,7 @@ def landscape_figure(result: TuningResult, out: Path, points: int) -> None:
     k_p, k_i = np.geomspace(*K_P, points), np.geomspace(*K_I, points)
     sheet, axes = plot.new_figure(1, 2, size=(12.0, 5.0), sharey=True)
     tables = []
+    # The left panel has the paper's S_d, the right panel the tuned one.
     for axis, S_d, name in zip(axes, (result.study.before.S_d, result.gains.S_d), ("before", "tuned"), strict=True):
         cost = landscape(result.study, S_d, k_p, k_i, out)
         mesh = axis.pcolormesh(log_edges(k_p), log_edges(k_i), cost.T, shading="flat", cmap="viridis")
@@ -109,6 +111,7 @@ def landscape_figure(result: TuningResult, out: Path, points: int) -> None:
         axis.plot(chosen.k_p, chosen.k_i, "w*", ms=14, mec="black", label=f"{name} gains")
         axis.set(xscale="log", yscale="log", xlabel="k_p [-]", ylabel="k_i [1/s]", title=f"S_d = {S_d:.2f} ({name})")
         axis.legend(fontsize=8)
+        # The CSV has one row for each cell of the map.
         grid = np.meshgrid(k_p, k_i, indexing="ij")
         tables.append(pd.DataFrame({"S_d": S_d, "k_p": grid[0].ravel(), "k_i": grid[1].ravel(), "cost": cost.ravel()}))
     plot.write_csv(pd.concat(tables), out / "landscape.csv")
@@ -141,6 +144,7 @@ def drives_figure(result: TuningResult, out: Path) -> None:
     """Draw x, slip and sinkage of a middle wheel: without control, with the limit, before and after tuning."""
     case, by = most_changed(result), result.study.estimate
     before = result.study.law_before
+    # Four drives of the same case: without control, with the limit, before and after tuning.
     controls = {"constant duty": Control.of(CONSTANT_DUTY, before), "torque check": Control.of(TORQUE_CHECK, before)}
     controls |= {f"before, {by}": Control.of(by, before), f"tuned, {by}": Control.of(by, result.law)}
     sheet, axes = plot.new_figure(3, size=(9.0, 8.0), sharex=True)

@@ -154,6 +154,7 @@ def shown(frame: pd.DataFrame) -> str:
 def side_by_side(frame: pd.DataFrame) -> list[str]:
     """Return one line for each set: its own law, one soil, from the others, and rivals."""
     errors = frame.set_index(["set", "law"])[["drawbar_pull_N", "sinkage_mm", "side_force_N"]]
+    # Each cell has pull, sinkage and, where it was measured, side force.
     table = pd.DataFrame(
         {
             "own law": cell(errors.loc[name, last_law(errors.loc[name])]),
@@ -237,11 +238,13 @@ def row(name: str, law: str, data: RigSet, error: np.ndarray, words: str = "") -
 def from_smooth(smooth: RigSet, lugged: RigSet, n: float) -> list[Row]:
     """Return the errors on the lugged wheel, predicted from the smooth wheel with and without the lugs' effects."""
     model = fitted(smooth, (SOFT, RATE), n).model
+    # Two other values of phi for sand that shears on sand: the angle of repose, and the smooth rim's grip over m.
     heap, sand = (
         dataclasses.replace(model, soil=model.soil.replace(phi=phi))
         for phi in (REPOSE, math.atan(math.tan(model.soil.phi) / RIM.m))
     )
     rows = []
+    # Each variant adds one property of the lugs, so that its effect can be seen.
     for law, variant in (
         ("without lugs", model),
         ("lugs, the smooth rim's grip", model.having(LUGS)),
@@ -253,6 +256,7 @@ def from_smooth(smooth: RigSet, lugged: RigSet, n: float) -> list[Row]:
         values = {"drawbar_pull_N": forces.drawbar_pull, "sinkage_m": forces.sinkage}
         error = np.array([values[channel.column] - channel.measured for channel in lugged.channels])
         rows.append(row("lugged from smooth", law, lugged, error))
+    # Curves through the smooth wheel's points serve as the comparison.
     curves = {law: carried_over(smooth, lugged, predict) for law, predict in BASELINES.items()}
     return rows + [row("lugged from smooth", law, lugged, error) for law, error in curves.items()]
 

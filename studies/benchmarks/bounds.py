@@ -36,11 +36,13 @@ def main() -> None:
     quick = parser.parse_args().quick
     prepared = TorqueBounds([WHEEL] * len(LOADS), SOIL, S_LIM)
     ways: dict[str, tuple[Callable[[], WheelBounds], int]] = {}
+    # Without a C compiler, TorqueBounds falls back to CasADi's interpreter, and there is nothing compiled to time.
     if prepared.compiled:
         ways["TorqueBounds, compiled"] = (lambda: prepared(LOADS), 200)
     slower = without_compiler()
     ways["TorqueBounds, CasADi's machine"] = (lambda: slower(LOADS), 200)
     ways["scipy quad, brentq, differences"] = (by_scipy, 1)
+    # scipy serves as the reference for accuracy as well as for time.
     reference = np.array(by_scipy())
     for name, (call, number) in ways.items():
         off = np.max(np.abs(np.array(call()) / reference - 1.0), axis=1)
@@ -89,13 +91,16 @@ def torque(share: Callable[[float], float], load: float) -> float:
     """Return r^2 b int tau at the theta_1 that carries the load; `share` gives the used share of the strength."""
     r, b = WHEEL.r, WHEEL.b
 
+    # Bekker's normal stress at theta, for an arc that begins at theta_1.
     def sigma(theta: float, theta_1: float) -> float:
         return (SOIL.k_1 + SOIL.k_2 * b) * (r * max(math.cos(theta) - math.cos(theta_1), 0.0) / b) ** SOIL.n
 
+    # Shear stress after the displacement j (Janosi and Hanamoto), limited by `share`.
     def tau(theta: float, theta_1: float) -> float:
         j = r * (theta_1 - theta - (1.0 - S_LIM) * (math.sin(theta_1) - math.sin(theta)))
         return (SOIL.c + sigma(theta, theta_1) * math.tan(SOIL.phi)) * share(j)
 
+    # Vertical force minus load; its root is the entry angle.
     def force(theta_1: float) -> float:
         press = lambda t: sigma(t, theta_1) * math.cos(t) + tau(t, theta_1) * math.sin(t)  # noqa: E731
         return r * b * quad(press, -SOIL.exit_ratio * theta_1, theta_1, epsabs=0.0, epsrel=1e-11)[0] - load

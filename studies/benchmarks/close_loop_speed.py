@@ -49,6 +49,7 @@ def main() -> None:
     options = parser.parse_args()
     runs, duration = (2, 12.0) if options.quick else (8, 30.0)
     with TemporaryDirectory() as folder:
+        # All versions run on the same logs, which the present version writes.
         logs = write(Path(folder) / "logs", runs, duration)
         seconds, clock = report(f"close-loop on {runs} runs of {duration:g} s", ROOT, logs)
         if options.against:

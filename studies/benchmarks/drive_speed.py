@@ -184,6 +184,7 @@ def plain(case: Scenario, duration: float, ours: float) -> float:
         "timing": case.timing,
         "symmetric": case.symmetric,
     }
+    # Process time counts this process only, so other work on the machine does not enter.
     begin = time.process_time()
     trace = motion.plain_simulate(case.model, case.controller, duration, **options)
     seconds = time.process_time() - begin
@@ -203,6 +204,7 @@ def mujoco_drive(case: Scenario, repeats: int, ours: tuple[float, float]) -> dic
         print("MuJoCo: not installed")
         return {}
     times = {}
+    # A step of 2 ms and twice it.
     for dt, integrator in ((0.002, "mjINT_IMPLICITFAST"), (0.004, "mjINT_IMPLICITFAST")):
         model = mujoco_model(mujoco, case, dt, getattr(mujoco.mjtIntegrator, integrator))
         ends = []
@@ -254,10 +256,12 @@ def mujoco_model(mujoco: Any, case: Scenario, dt: float, integrator: Any) -> Any
 
 def add_ditch(mujoco: Any, spec: Any) -> None:
     """Add ground, walls and floor of the ditch as boxes whose top faces form the profile."""
+    # Corners of the profile from left to right: ground, wall down, floor, wall up, ground.
     run = DEPTH / math.tan(WALL)
     corners = [(-3.0, 0.0), (AT, 0.0), (AT + run, -DEPTH), (AT + WIDTH - run, -DEPTH), (AT + WIDTH, 0.0), (5.0, 0.0)]
     for (x0, z0), (x1, z1) in zip(corners[:-1], corners[1:], strict=True):
         length, angle = math.hypot(x1 - x0, z1 - z0), math.atan2(z1 - z0, x1 - x0)
+        # A box is 0.1 m thick, so its middle lies 0.05 m below the profile, along the normal.
         middle = np.array([(x0 + x1) / 2, 0.0, (z0 + z1) / 2]) - 0.05 * np.array(
             [-math.sin(angle), 0.0, math.cos(angle)]
         )
@@ -279,6 +283,7 @@ def footprint() -> float:
         "peak = next(line for line in open('/proc/self/status') if line.startswith('VmHWM'))\n"
         "print(a, b, int(peak.split()[1]) / 1024)"
     )
+    # The minimum of three processes, because the first one may fill the file cache.
     got = [
         subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
         for _ in range(3)

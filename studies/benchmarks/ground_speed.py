@@ -48,10 +48,12 @@ def grounds() -> dict[str, Terrain]:
     assert isinstance(ditch, Lanes)
     line = ditch.profiles[0]
     x = np.linspace(LOW, HIGH, 1000)
+    # Noise averaged over 60 points gives smooth waves.
     waves = np.convolve(np.random.default_rng(1).normal(0.0, ROUGH, 1059), np.ones(60) / 60, "valid")
     y = np.linspace(-1.5, 1.5, 300)
     along = np.linspace(LOW, HIGH, 300)
     grid = np.repeat(line.height(along)[:, None], 300, axis=1)
+    # The first entry is the reference that all others are compared with.
     return {
         "ditch, 6 points": ditch,
         "ditch, 1,000 points and its corners": _lane(np.union1d(x, line.x), line),
@@ -85,6 +87,7 @@ def compare_case(turns: int) -> dict[str, float]:
     """Print and return the cost of cases of a sweep relative to their drives."""
     study = read_study(STUDY)
     cases = list(study.cases())[:8]
+    # The same drives without the sweep, to separate the cost of its bookkeeping.
     drives = [scenario_of(study, case) for case in cases]
     times = least(
         {

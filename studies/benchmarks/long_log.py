@@ -45,6 +45,7 @@ def main() -> None:
     seconds = 120.0 if parser.parse_args().quick else HOUR
     with TemporaryDirectory() as folder:
         recorded(Path(folder) / "drive.csv", seconds)
+        # The three commands in the order in which a user runs them.
         for words in (
             ("import-log", "drive.csv", "--rover", "cart", "--out", "log"),
             ("check-data", "log"),

@@ -145,6 +145,7 @@ def main() -> None:
 
 def survivors(room: str, tried: list, tests: list[Path], most: float, folder: Path) -> Iterator[dict]:
     """Try the changes of one file, and yield those that none of these tests detects."""
+    # cosmic-ray counts a run as killed if any test fails or the time is over.
     config = ConfigDict({"timeout": most, "test-command": " ".join(command(tests)), "distributor": {"name": "local"}})
     by_job = {item.job_id: item.mutations[0] for item in tried}
     with use_db(folder / "tried.sqlite") as db:
@@ -154,6 +155,7 @@ def survivors(room: str, tried: list, tests: list[Path], most: float, folder: Pa
         for job, result in db.results:
             if result.test_outcome != "killed":
                 file, line, lines = by_job[job].module_path, by_job[job].start_pos[0], result.diff.splitlines()
+                # The first removed and the first added line of the diff show the change.
                 both = [
                     next(diff_line[1:].strip() for diff_line in lines[4:] if diff_line[:1] == sign) for sign in "-+"
                 ]

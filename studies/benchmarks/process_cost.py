@@ -44,6 +44,7 @@ def main() -> None:
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     with checkout(options.against) as earlier, TemporaryDirectory() as out:
+        # Both versions run the same command in the same folder.
         for command, more in COMMANDS.items():
             before, now = compared([*command.split(), *more], earlier, out, 2 if options.quick else 10)
             words = f"rover-pin {command}"

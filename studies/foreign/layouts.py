@@ -247,6 +247,7 @@ def _motors(writer: _Writer) -> None:
     names = PLACES[writer.habits["corners"]]
     kind = writer.habits["currents"] = writer.pick("none", "A", "mA", "counts", p=[0.35, 0.35, 0.15, 0.15])
     writer.truth |= {f"current_{corner}_A": writer.seen.currents[at] for at, corner in enumerate(CORNERS)}
+    # Counts have an offset and no unit, as from an analogue-to-digital converter.
     if kind != "none":
         name, scale = writer.word("current"), {"A": 1.0, "mA": 1e3, "counts": 27.0}[kind]
         for place, values in zip(names, writer.seen.currents, strict=True):
@@ -266,6 +267,7 @@ def _beside(writer: _Writer) -> None:
     n = len(truth.t)
     noise = lambda size: size * random.standard_normal(n)  # noqa: E731
     speed = np.gradient(truth.x, truth.t), np.gradient(truth.y, truth.t)
+    # Each entry is a function, so that random numbers are drawn only for the chosen columns.
     several = {
         "accelerometer": lambda: {
             writer.pick("a_{}", "acc_{}", "imu.accel.{}", "lin_acc_{}").format(axis): values
@@ -288,6 +290,7 @@ def _beside(writer: _Writer) -> None:
     for name in chosen:
         for column, values in several[name]().items():
             writer.put(column, values)
+            # Only the inertial sensors are channels of a drive log; the other columns are distractions.
             if name in ("accelerometer", "gyro"):
                 still = name == "gyro" and column[-1] != "z"
                 writer.truth[f"{name}_{column[-1].lower()}"] = 0.0 * truth.t if still else values

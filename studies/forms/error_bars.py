@@ -55,11 +55,13 @@ def draw_error_bars(frame: pd.DataFrame) -> plt.Figure:
     for at, (_, errors) in enumerate(sets.values()):
         present = [bar for bar in BARS if bar in errors]
         for place, bar in enumerate(present):
+            # The bars of a set are centred on its row.
             y, (colour, words) = at + (place - (len(present) - 1) / 2) * HEIGHT, BARS[bar]
             axis.barh(y, errors[bar], 0.9 * HEIGHT, color=colour, label="" if bar in in_legend else words)
             axis.annotate(f"{errors[bar]:.1f}", (errors[bar], y), (3, 0), textcoords="offset points", va="center",
                           fontsize=7)  # fmt: skip
             in_legend.add(bar)
+    # An error of 1 is the noise of the measurement.
     axis.axvline(1.0, color="black", linewidth=0.8)
     axis.annotate("noise", (1.0, 1.0), (0, 2), xycoords=("data", "axes fraction"), textcoords="offset points",
                   ha="center", fontsize=8)  # fmt: skip

@@ -16,6 +16,7 @@ def joined(first: RigSet, second: RigSet) -> RigSet:
         )
         for channel, second_channel in zip(first.channels, second.channels, strict=True)
     )
+    # Equal level names in both sets would merge, so a number of the set goes first.
     labels = [
         f"{i} {name}"
         for i, rig_set in enumerate((first, second))

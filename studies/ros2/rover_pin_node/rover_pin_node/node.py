@@ -32,7 +32,9 @@ class RoverNode(Node):
         settings = {name: self.declare_parameter(name, default).value
                  for name, default in (("scenario", "flat"), ("rover", "nexus6"), ("soil", ""))}  # fmt: skip
         self.timeout = self.declare_parameter("cmd_vel_timeout", 0.5).value
+        # Empty parameters leave the choice to the scenario.
         name, overrides = settings.pop("scenario"), {name: value for name, value in settings.items() if value}
+        # The rover is at rest until the first command arrives.
         chosen = scenario(name, control="cmd-vel", **{"control.speed": 0.0, **overrides})
         self.model, self.timing, self.place = chosen.model, chosen.timing, chosen.start
         self.control = chosen.controller
@@ -67,6 +69,7 @@ class RoverNode(Node):
         if (self.get_clock().now() - self.heard).nanoseconds > 1e9 * self.timeout:
             self.hold(0.0, 0.0)
         trace = simulate(self.model, self.control, self.timing.control, self.place, self.timing, measure_error=False)
+        # A drive that ends early, for example because a wheel is buried, cannot continue.
         if trace.attrs["stop"] != "duration":
             self.get_logger().error(f"the drive is over: {trace.attrs['stop']}")
             self.timer.cancel()
@@ -76,6 +79,7 @@ class RoverNode(Node):
         self.joints.publish(self.joint_states(trace, stamp))
         self.odom.publish(self.odometry(stamp))
         label = " ".join(trace.wheels)
+        # One number for each wheel; the label states their order.
         slip = Float64MultiArray(data=trace.stack("slip")[-1].tolist())
         slip.layout.dim = [MultiArrayDimension(label=label, size=len(slip.data), stride=len(slip.data))]
         self.slip.publish(slip)
@@ -102,6 +106,7 @@ class RoverNode(Node):
         """Return the pose of the base in the world, and its speeds in its own axes."""
         message, state = Odometry(), self.place.state
         message.header.stamp, message.header.frame_id, message.child_frame_id = stamp, "odom", "base_link"
+        # Position and velocity of the floating base, in the order of Pinocchio's state.
         places = (message.pose.pose.position, message.pose.pose.orientation)
         speeds = (message.twist.twist.linear, message.twist.twist.angular)
         for target, names, values in zip(
