@@ -170,4 +170,4 @@ def test_masses_that_cannot_be_are_refused(call, words):
 def test_a_centre_of_mass_outside_the_rover_is_said(run, size, axis):
     code, out, _ = run("drive", "flat", "--add", f"PointMass.{size}", "--set", "duration=0.2", "--out", "here")
     assert code == 0
-    assert bool(re.search(rf"PointMass .*{axis}", out)) == bool(axis)
+    assert bool(re.search(rf"PointMass .*centre of mass.*{axis}", out)) == bool(axis)
