@@ -71,9 +71,9 @@ def test_user_copy_is_found_by_path_and_the_verdict_is_written(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (None, "there is no such file of an experiment; give its path, or one of: motor_brake"),
+        (None, "motor_brake"),
         ("x = 1\n", "here there is none"),
-        ("x = nothing\n", "bench.py, line 1: the code there ends with NameError"),
+        ("x = nothing\n", "bench.py, line 1: .*NameError"),
         (
             "from rover_pin.discrepancy.experiment import FileExperiment\nclass Half(FileExperiment): pass\n",
             "here there is none",

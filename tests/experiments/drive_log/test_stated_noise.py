@@ -40,11 +40,11 @@ def test_declared_noise_is_read_in_its_unit_for_every_kind():
 @pytest.mark.parametrize(
     ("noise", "error", "says"),
     [
-        ({"wheel_rates": 0.01}, DataError, "there is no key 'wheel_rates' in .noise.: did you mean 'wheel_rate'"),
-        ({"current": {"value": 0.0}}, DataError, "current has no number above 0; write { value = 0.01, unit = 'A' }"),
-        ({"current": "small"}, DataError, "current has no number above 0"),
-        ({"current": {"value": 1.0, "units": "A"}}, ParameterError, "current has no key 'units': did you mean 'unit'"),
-        ({"current": {"value": 1.0, "unit": "V"}}, ParameterError, "unit 'V' does not measure what is asked for"),
+        ({"wheel_rates": 0.01}, DataError, "'wheel_rates' in .noise.: .* 'wheel_rate'"),
+        ({"current": {"value": 0.0}}, DataError, "value = 0.01, unit = 'A'"),
+        ({"current": "small"}, DataError, "current has no number"),
+        ({"current": {"value": 1.0, "units": "A"}}, ParameterError, "'units': .* 'unit'"),
+        ({"current": {"value": 1.0, "unit": "V"}}, ParameterError, "unit 'V'"),
     ],
 )
 def test_what_noise_cannot_be_is_refused(noise, error, says):

@@ -116,8 +116,8 @@ def test_a_slope_is_the_load_across_and_the_pull_along_it(plain, tmp_path):
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        (lambda table: table.assign(slope_rad=0.1), "slope_rad replaces drawbar_pull_N; leave one of the two"),
-        (lambda table: uphill(table).assign(slope_rad=20.0), "slope_rad reaches 20; give radians, positive uphill"),
+        (lambda table: table.assign(slope_rad=0.1), "slope_rad replaces drawbar_pull_N"),
+        (lambda table: uphill(table).assign(slope_rad=20.0), "slope_rad reaches 20"),
         (lambda table: uphill(table).rename(columns={"slope_rad": "slope_deg"}), "'slope_deg' is not read"),
     ],
 )
@@ -270,13 +270,13 @@ def test_a_radius_over_the_lugs_is_read_as_the_rims(plain, tmp_path):
 @pytest.mark.parametrize(
     ("wheel", "soil", "message"),
     [
-        ("lug_hight = 0.005\n", "", "no key 'lug_hight' in .wheel.: did you mean 'lug_height'"),
-        ("lug_height = { value = 5.0, unit = 'm' }\n", "", "lug_height = 5 m lies outside 0 to 1 m; check its unit"),
-        ("r_over_lugs = true\n", "", "r_over_lugs = true needs lug_height; give the lugs' height over the rim"),
+        ("lug_hight = 0.005\n", "", "'lug_hight' in .wheel.: .* 'lug_height'"),
+        ("lug_height = { value = 5.0, unit = 'm' }\n", "", "lug_height = 5 m .* 0 to 1 m"),
+        ("r_over_lugs = true\n", "", "r_over_lugs = true needs lug_height"),
         ("r_over_lugs = true\nlug_height = 0.5\n", "", "leaves no rim: lug_height = 0.5 m"),
-        ("r_over_lugs = 'yes'\n", "", "r_over_lugs = 'yes'; write true or false"),
-        ("", "bulk_density = 1.33\n", "bulk_density = 1.33 kg/m.3 lies outside 100 to 1e.04 kg/m.3; check its unit"),
-        ("", "angle_of_repose = 29.0\n", "angle_of_repose = 29 rad lies outside 0 to 1.047 rad; check its unit"),
+        ("r_over_lugs = 'yes'\n", "", "r_over_lugs = 'yes'"),
+        ("", "bulk_density = 1.33\n", "bulk_density = 1.33 kg/m.3 .* 100 to 1e.04 kg/m.3"),
+        ("", "angle_of_repose = 29.0\n", "angle_of_repose = 29 rad .* 0 to 1.047 rad"),
     ],
 )
 def test_what_cannot_be_lugs_or_sand_is_refused(plain, tmp_path, wheel, soil, message):

@@ -114,10 +114,10 @@ def test_readings_are_those_of_the_true_load_scaled_and_shifted():
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("torque_taer = { value = 0.1 }", "no key 'torque_taer' in .rig.: did you mean 'torque_tare'"),
-        ("torque_tare = { value = 0.1, unit = 'mm' }", "unit 'mm' does not measure what is asked for"),
+        ("torque_taer = { value = 0.1 }", "'torque_taer' in .rig.: .* 'torque_tare'"),
+        ("torque_tare = { value = 0.1, unit = 'mm' }", "unit 'mm'"),
         ("load_scale = { value = 3.0 }", "load_scale"),
-        ("pull_tare = { value = 0.0, sd = -1.0 }", "the sd of 'pull_tare' is -1.0: give a positive number"),
+        ("pull_tare = { value = 0.0, sd = -1.0 }", "sd of 'pull_tare' is -1.0"),
     ],
 )
 def test_what_cannot_be_an_error_of_a_rig_is_refused(folder, tmp_path, line, message):
