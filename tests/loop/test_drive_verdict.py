@@ -45,16 +45,16 @@ def verdict_of(monkeypatch):
     monkeypatch.setattr(loop_data, "experiment_of_log", lambda fitted: fitted.task.experiment)
     monkeypatch.setattr(loop_data, "cautions", lambda verdict, free: ())
 
-    def of(size, candidates):
+    def of(size, is_shared):
         random = np.random.default_rng(9)
         columns, noise = linear.slopes(random, linear.nuisances()), random.normal(size=linear.SHAPE)
         for kind in KINDS:
             (name,) = kind.neutral
-            law = noise if candidates else random.normal(size=linear.SHAPE)
+            law = noise if is_shared else random.normal(size=linear.SHAPE)
             reach = float(getattr(kind(), name)) - kind.neutral[name]
             columns[f"{kind.__name__}.{name}"] = (kind.neutral[name], law / reach)
-        drawn_values = size * ExitAngle().e_1 * columns["ExitAngle.e_1"][1] + random.normal(size=linear.SHAPE)
-        experiment = linear.LinearExperiment(drawn_values, columns, linear.runs_of(linear.SHAPE))
+        observed = size * ExitAngle().e_1 * columns["ExitAngle.e_1"][1] + random.normal(size=linear.SHAPE)
+        experiment = linear.LinearExperiment(observed, columns, linear.runs_of(linear.SHAPE))
         tried = [plain_candidate(kind()) for kind in KINDS]
         question = Question(
             "drive-log", "linear", experiment, linear.MODEL, linear.nuisances(), lambda base: tried,
@@ -67,7 +67,7 @@ def verdict_of(monkeypatch):
 
 
 def test_what_was_found_is_in_the_verdicts_model(verdict_of):
-    verdict = verdict_of(1.5, alike=False)
+    verdict = verdict_of(1.5, is_shared=False)
     assert (verdict.answer, verdict.named) == (Answer.NAMED, ("ExitAngle",))
     assert verdict.model.effect(ExitAngle).e_1 == pytest.approx(1.5 * ExitAngle().e_1, rel=0.3)
     assert [number.name for number in verdict.after.numbers] == ["soil.phi", "WeakMotor[0].g", "ExitAngle.e_1"]
@@ -79,7 +79,7 @@ def test_what_was_found_is_in_the_verdicts_model(verdict_of):
 
 
 def test_a_run_that_tells_the_first_from_its_rivals_is_proposed(verdict_of):
-    verdict = verdict_of(1.5, alike=True)
+    verdict = verdict_of(1.5, is_shared=True)
     assert verdict.answer is Answer.SET
     (proposed,) = verdict.experiments
     assert set(proposed.sets) >= set(verdict.indistinguishable)
