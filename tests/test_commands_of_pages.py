@@ -120,8 +120,8 @@ def only_named(line):
 
 def commands():
     """Every command of README and pages, once, as it is printed."""
-    fromkeys = dict.fromkeys(line for line in lines() if not TO_FILL_IN.search(line) and not only_named(line))
-    return [line for line in fromkeys if line not in ELSEWHERE]
+    commands_listed = dict.fromkeys(line for line in lines() if not TO_FILL_IN.search(line) and not only_named(line))
+    return [line for line in commands_listed if line not in ELSEWHERE]
 
 
 @cache

@@ -98,11 +98,11 @@ def test_a_shared_rest_stands_as_a_rover_set_down_on_a_bend(yaw):
     """It began where the declared ground was: a rise of 28 mm buried wheels at once, and no fit went past that."""
     start, rest_state = Start(0.5, 0.1, yaw), shared_rest(FLAT, Start(0.5, 0.1, yaw))
     climbing = FLAT.having(BentGround(0.04, 0.04, 0.04, 0.04, 0.04, x_from=-0.7, length=2.4))
-    over, settled = taken_over(climbing, rest_state), settled_state(climbing, start)
+    carried_over, settled = taken_over(climbing, rest_state), settled_state(climbing, start)
     assert settled.q[2] - rest_state.q[2] == pytest.approx(0.04, abs=0.002)
     assert np.hypot(*roll_pitch_yaw(settled.q)[:2]) == pytest.approx(0.04, abs=0.005)
-    assert over.q[:3] == pytest.approx(settled.q[:3], abs=3e-4)
-    assert roll_pitch_yaw(over.q) == pytest.approx(roll_pitch_yaw(settled.q), abs=2e-3)
+    assert carried_over.q[:3] == pytest.approx(settled.q[:3], abs=3e-4)
+    assert roll_pitch_yaw(carried_over.q) == pytest.approx(roll_pitch_yaw(settled.q), abs=2e-3)
     assert (taken_over(FLAT, rest_state).q == rest_state.q).all()
 
 

@@ -43,7 +43,7 @@ def test_combined_shear_replaces_a_share_of_the_straight_forces(patch, form, ang
     wheel, soil = Wheel(r=0.06, b=0.04), Soil(c=200.0, k=0.008, exit_ratio=0.2)
     contact = patch(S=-0.3, S_y=0.25, h=0.009, wheel=wheel, soil=soil)
     straight = SoilTraction(form, angles).load(contact, Load(), ()).plus(Load(f_y=0.7, moment_z=0.03))
-    plus = straight.plus(CombinedShear(share=share, form=form, angles=angles).load(contact, straight, ()))
+    total = straight.plus(CombinedShear(share=share, form=form, angles=angles).load(contact, straight, ()))
     arc = angles.angles(0.009, wheel, soil)
     sheared = combined_forces(-0.3, 0.25 / 0.7, arc, wheel, soil, NODES)
     f_n = straight.f_n if isinstance(angles, FixedAngles) else sheared.along.f_n
@@ -55,7 +55,7 @@ def test_combined_shear_replaces_a_share_of_the_straight_forces(patch, form, ang
         (1 - share) * straight_part + share * combined_part
         for straight_part, combined_part in zip(straight, combined, strict=True)
     ]
-    assert list(plus) == pytest.approx(expected, rel=1e-9)
+    assert list(total) == pytest.approx(expected, rel=1e-9)
 
 
 WHEEL = Wheel(r=0.0625, b=0.06)

@@ -77,8 +77,8 @@ def test_what_channels_share_is_taken_out_but_for_a_fifth():
     residual = np.stack([first_signs, second])[None]
     noise = noise_of(residual, np.ones_like(residual, dtype=bool), np.full(2, 1e-9))
     measured = np.corrcoef(first_signs, second)[0, 1]
-    inv = np.linalg.inv(noise.mixing.T @ noise.mixing)
-    correlation = inv[0, 1] / np.sqrt(inv[0, 0] * inv[1, 1])
+    covariance_learnt = np.linalg.inv(noise.mixing.T @ noise.mixing)
+    correlation = covariance_learnt[0, 1] / np.sqrt(covariance_learnt[0, 0] * covariance_learnt[1, 1])
     assert correlation == pytest.approx((1 - SHRINK) * measured, rel=1e-3)
     left = (1 - 2 * correlation * measured + correlation**2) / (1 - correlation**2)
     assert np.mean(noise.white(residual) ** 2) == pytest.approx((1 + left) / 2, rel=1e-3)

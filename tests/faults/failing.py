@@ -74,15 +74,15 @@ def contents(folder):
 
 
 def main(kind, every, cache, _, *words):
-    refusing, cwd = Refusing(kind), Path.cwd()
+    refusing, folder_at_start = Refusing(kind), Path.cwd()
     if kind == MEMORY and words[0] not in LOADED:
         for name in LIBRARIES:
             importlib.import_module(name)
-    before = contents(cwd)
-    total, after = one(refusing, words, cwd, cache, 0)
+    before = contents(folder_at_start)
+    total, after = one(refusing, words, folder_at_start, cache, 0)
     events = {ROOM: ROOMS, MEMORY: MEMORIES}.get(kind, range(1, total + 1, int(every)))
     for at in events:
-        one(refusing, words, cwd, cache, at, before, after)
+        one(refusing, words, folder_at_start, cache, at, before, after)
 
 
 def one(refusing, words, folder, cache, at, before=None, after=None):

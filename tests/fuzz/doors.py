@@ -307,7 +307,7 @@ def _trace() -> bytes:
 
     trace = scenario("ditch", duration=1.0, rover="cart", **{"soil.k": 0.02}).drive()
     buffer = io.BytesIO()
-    dumps = json.dumps({"units": dict(trace.units), "attrs": trace.attrs}, default=lambda value: value.tolist())
+    metadata = json.dumps({"units": dict(trace.units), "attrs": trace.attrs}, default=lambda value: value.tolist())
     table = pyarrow.table({name: np.asarray(values) for name, values in trace.channels.items()})
-    pyarrow.parquet.write_table(table.replace_schema_metadata({b"rover_pin": dumps.encode()}), buffer)
+    pyarrow.parquet.write_table(table.replace_schema_metadata({b"rover_pin": metadata.encode()}), buffer)
     return buffer.getvalue()

@@ -197,7 +197,7 @@ def test_loop_on_two_sets_writes_a_report_and_a_model_of_each(sets, tmp_path):
 
 def test_a_run_that_stands_in_two_sets_is_used_once(sets, tmp_path):
     small = read_rig_set(sets[0])
-    changed_small = dataclasses.replace(small, name="again")
+    copy_of_small = dataclasses.replace(small, name="again")
     more = written(tmp_path, "more", seed=7)
     rows = (more / "points.csv").read_text().splitlines() + (sets[0] / "points.csv").read_text().splitlines()[1:4]
     (more / "points.csv").write_text("\n".join(rows) + "\n")
@@ -206,4 +206,4 @@ def test_a_run_that_stands_in_two_sets_is_used_once(sets, tmp_path):
     assert finding.startswith("more: 3 of 13 runs ")
     assert int(np.isfinite(joint.observed[:, 0]).sum()) == 20
     with pytest.raises(DataError, match="again: every run"):
-        join_sets([small, changed_small])
+        join_sets([small, copy_of_small])

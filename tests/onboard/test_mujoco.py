@@ -145,10 +145,10 @@ def test_a_rover_in_a_larger_world_drives_as_alone():
 def test_another_models_steps_are_left_alone():
     case, _ = CASES["flat"]
     ball = "<body><freejoint/><geom size='1'/></body>"
-    string = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
-    data = mujoco.MjData(string)
+    ball_model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
+    data = mujoco.MjData(ball_model)
     mujoco.set_mjcb_passive(SoilForces(case.model, mujoco.MjModel.from_xml_string(mjcf(case.model))))
-    mujoco.mj_step(string, data)
+    mujoco.mj_step(ball_model, data)
     assert not data.qfrc_passive.any()
 
 

@@ -177,19 +177,19 @@ def test_numbers_name_the_one_they_go_with_most(verdict):
 def test_the_first_picture_is_where_what_was_added_shows(sag_fits, verdict):
     """A sagging supply shows in the bus voltage; its drawn means are those of the residual, and fall to nothing."""
     sides = sides_of(verdict)
-    show = channel_to_show(sides)
-    assert show.channel == "battery_V"
+    channel_shown = channel_to_show(sides)
+    assert channel_shown.channel == "battery_V"
     row = sides.experiment.channels.index("battery_V")
     left = [np.where(fit.task.noise.good[:, row], fit.missed[:, row], np.nan) for fit in sides]
-    assert show.compared == np.isfinite(left).all(axis=0).sum()
-    assert show.residual.mean(axis=1) == pytest.approx(
+    assert channel_shown.compared == np.isfinite(left).all(axis=0).sum()
+    assert channel_shown.residual.mean(axis=1) == pytest.approx(
         [np.nanmean(side) for side in left], abs=0.05 * np.nanstd(left[0])
     )
-    assert np.all(np.abs(show.residual[0]) > np.abs(show.residual[1]))
+    assert np.all(np.abs(channel_shown.residual[0]) > np.abs(channel_shown.residual[1]))
     (figure,) = effect_picture(sides).panels
     drawn = [bars[0].get_ydata() for bars in figure.axes[0].containers]
-    factor = drawn[0][0] / show.residual[0, 0]
-    assert np.array(drawn) == pytest.approx(factor * show.residual)
+    factor = drawn[0][0] / channel_shown.residual[0, 0]
+    assert np.array(drawn) == pytest.approx(factor * channel_shown.residual)
     bare = channel_to_show(Sides(sag_fits[1], sag_fits[1]))
     assert bare.gain == pytest.approx(float(np.sum((bare.residual[0] / bare.sd[0]) ** 2)))
 

@@ -34,8 +34,8 @@ def deeper():
     random = np.random.default_rng(0)
     rise = 4 * (rig.slip() / 0.35 - 1)
     rows = np.concatenate([np.zeros(rig.RUNS), rise]) + 0.1 * random.normal(size=2 * rig.RUNS)
-    cos = np.cos(40 * np.arange(2 * rig.RUNS))
-    rig_set = rig.made(rows, {"soil.phi": rig.law_of("soil.phi", cos)}, ("soil.phi",))
+    ripple = np.cos(40 * np.arange(2 * rig.RUNS))
+    rig_set = rig.made(rows, {"soil.phi": rig.law_of("soil.phi", ripple)}, ("soil.phi",))
     return rig_set, verdict_on(RigData(rig_set, rig.MODEL))
 
 

@@ -103,10 +103,10 @@ def test_a_payload_is_a_point_at_the_centre_of_mass(mass):
 
 def test_shift_moves_the_centre_of_mass_and_turns_no_inertia():
     rover = off_centre(NEXUS6, (0.1, 0.0, 0.03))
-    carrying = rover.carrying(1.5, shift_x=0.02, shift_z=-0.03)
-    assert centre_of_mass(carrying) - centre_of_mass(rover) == pytest.approx([0.02, 0.0, -0.03], abs=1e-12)
+    loaded = rover.carrying(1.5, shift_x=0.02, shift_z=-0.03)
+    assert centre_of_mass(loaded) - centre_of_mass(rover) == pytest.approx([0.02, 0.0, -0.03], abs=1e-12)
     still = rover.carrying(1.5)
-    assert carrying.model.inertias[1].inertia == pytest.approx(still.model.inertias[1].inertia, abs=1e-15)
+    assert loaded.model.inertias[1].inertia == pytest.approx(still.model.inertias[1].inertia, abs=1e-15)
 
 
 @pytest.mark.parametrize("lever", [(0.2, 0.0, 0.0), (0.0, 0.15, 0.1), (0.0, 0.0, 0.25)])

@@ -53,10 +53,10 @@ def _inverse(a):
 def _power(a, b):
     """Return a^b by exp(b log a), a >= 0; a whole constant b has every a."""
     if (b[0] == b[1]).all() and float(b[0][0]).is_integer() and b[0][0] >= 0.0:
-        like = np.ones_like(a)
+        product_so_far = np.ones_like(a)
         for _ in range(int(b[0][0]) // 2):
-            like = _times(like, _square(a))
-        return _times(like, a) if b[0][0] % 2 else np.maximum(like, 0.0)
+            product_so_far = _times(product_so_far, _square(a))
+        return _times(product_so_far, a) if b[0][0] % 2 else np.maximum(product_so_far, 0.0)
     return np.maximum(hull(*(np.maximum(x, 0.0) ** y for x in a for y in b)), 0.0)
 
 

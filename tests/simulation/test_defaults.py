@@ -182,5 +182,5 @@ def test_a_sprung_rover_settles_where_its_springs_balance(tmp_path):
     trace = scenario("flat", rover=str(path), duration=1.0, **{"control.delta": 0.0}).drive()
     loads = np.array([trace[f"normal_{wheel}"][-1] for wheel in trace.wheels])
     assert loads.sum() == pytest.approx(model.rover.mass * 9.81, rel=0.01)
-    loads_value = wheel_loads(model.rover, 0.0)
-    assert loads == pytest.approx(loads_value, rel=0.08)
+    wheel_loads_at_rest = wheel_loads(model.rover, 0.0)
+    assert loads == pytest.approx(wheel_loads_at_rest, rel=0.08)

@@ -66,12 +66,12 @@ def test_kernel_without_energy_balance_moves_equally():
 @pytest.mark.parametrize(("limit", "most"), [("MAX_DOF", 20), ("MAX_COLS", 10)])
 def test_a_rover_with_more_joints_than_the_step_holds_is_refused(limit, most, monkeypatch):
     """Nexus 6 has 20 degrees of freedom: 6, four rockers, four servos, six wheels; 10 at most are above a wheel."""
-    __wrapped__ = drive_fields.rover_fields.__wrapped__
+    uncached = drive_fields.rover_fields.__wrapped__
     monkeypatch.setattr(drive_fields, limit, most)
-    __wrapped__(FLAT.built, 1e-3, 1.0, True, False)
+    uncached(FLAT.built, 1e-3, 1.0, True, False)
     monkeypatch.setattr(drive_fields, limit, most - 1)
     with pytest.raises(ParameterError, match=r"20 degrees.*10"):
-        __wrapped__(FLAT.built, 1e-3, 1.0, True, False)
+        uncached(FLAT.built, 1e-3, 1.0, True, False)
 
 
 def test_a_drive_and_a_rest_write_nothing_that_drives_share():

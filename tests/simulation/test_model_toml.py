@@ -187,8 +187,8 @@ def test_a_key_of_another_form_and_a_missing_terrain(tmp_path):
 
 
 def test_a_scenario_drives_a_models_file(tmp_path):
-    having = scenario("flat", soil="table-1", **{"soil.k": 0.02}).model.having(WeakMotor(wheel=1))
-    file = str(write_model(having, tmp_path / "model.toml"))
+    weak = scenario("flat", soil="table-1", **{"soil.k": 0.02}).model.having(WeakMotor(wheel=1))
+    file = str(write_model(weak, tmp_path / "model.toml"))
     ready = scenario("bump", model=file, gravity="moon", **{"effect.WeakMotor.g": 0.1})
     assert ready.model.motor_effects == (WeakMotor(g=0.1, wheel=1),)
     assert (ready.model.soils[0].k, ready.model.gravity) == (0.02, 1.62)

@@ -213,12 +213,12 @@ def test_one_compiled_controller_sample_is_that_of_its_class(name):
         if hasattr(stateful, "memory"):
             stateful.memory[:] = rng.choice([-1.0, 1.0]), rng.choice([-1.0, 5.0])
         reading = scramble(loop, rng)
-        deepcopy = copy.deepcopy(controller)
-        wanted = deepcopy(reading)
+        twin = copy.deepcopy(controller)
+        wanted = twin(reading)
         loop.run(1)
         assert loop.kernel.duty == pytest.approx(np.broadcast_to(wanted.duty, 6), rel=0.0, abs=1e-12)
         assert loop.kernel.servo_target == pytest.approx(np.broadcast_to(wanted.steer, 4), rel=0.0, abs=1e-12)
-        inner = getattr(deepcopy, "controller", deepcopy)
+        inner = getattr(twin, "controller", twin)
         for stored in ("integral", "depth", "memory"):
             if hasattr(stateful, stored):
                 assert getattr(stateful, stored) == pytest.approx(getattr(inner, stored), rel=1e-13, abs=1e-13)

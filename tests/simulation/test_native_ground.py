@@ -29,11 +29,11 @@ EXPONENTS = [float(soil.n) for soil in SOFT]
 def compiled_patches(kernel, frame):
     """Columns sinkage, share, tilt, turn, side, in-plane normal (2), normal (3), soil; and the wheel's sinkage."""
     sinkage = ctypes.c_double()
-    rover_pin_patches = library().rover_pin_patches
-    rover_pin_patches.argtypes = [ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p]
-    rover_pin_patches.restype = ctypes.c_int64
+    compiled = library().rover_pin_patches
+    compiled.argtypes = [ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p]
+    compiled.restype = ctypes.c_int64
     space = np.concatenate([frame.centre, frame.axle, frame.forward, frame.up])
-    count = rover_pin_patches(ctypes.addressof(kernel.struct), 0, space.ctypes.data, ctypes.addressof(sinkage))
+    count = compiled(ctypes.addressof(kernel.struct), 0, space.ctypes.data, ctypes.addressof(sinkage))
     rows = kernel.keep["patches"][:count].copy()
     rows[:, -1] = rows[:, -1].view(np.int64)
     return rows, sinkage.value

@@ -54,15 +54,10 @@ def test_what_pressed_a_wheel_in_comes_back_as_it_lifts(fall):
     model, trace = driven("flat", duration=1.0)
     h = np.concatenate([np.linspace(0.004, 0.001, 1001), np.linspace(0.001, 0.003, 1001)])
     load = 8e4 * h ** (float(model.soils[0].n) + 0.5)
-    trapezoid = cumulative_trapezoid(load, h, initial=0.0)
+    work = cumulative_trapezoid(load, h, initial=0.0)
     lost = fall * np.concatenate([np.linspace(0.0, -1.0, 1001), np.linspace(-1.0, 1.0, 1001)])
     channels = {name: np.resize(values, 2002) * 0.0 for name, values in trace.channels.items()}
-    channels |= {
-        "t_s": np.linspace(0.05, 5.0, 2002),
-        "sinkage_fl": h,
-        "normal_fl": load,
-        "energy_soil": trapezoid + lost,
-    }
+    channels |= {"t_s": np.linspace(0.05, 5.0, 2002), "sinkage_fl": h, "normal_fl": load, "energy_soil": work + lost}
     changed_trace = dataclasses.replace(trace, channels=channels, attrs={})
     assert spurious_energy(model, changed_trace).soil == pytest.approx(fall, abs=2e-5)
     assert spurious_energy(model, changed_trace).traction == 0.0

@@ -82,14 +82,14 @@ def test_a_braked_wheel_askew_is_predicted_from_the_others():
 
 @pytest.mark.nightly
 def test_side_force_and_both_signs_of_slip_are_reached():
-    table_read = study.table()
-    rows = {(row.set, row.law): row for row in table_read}
+    laws_table = study.table()
+    rows = {(row.set, row.law): row for row in laws_table}
     made_of_smooth = rows["lugged from smooth", "lugs, sand on sand by the rim's m"]
     assert (made_of_smooth.drawbar_pull_N < 1.2, made_of_smooth.sinkage_mm < 4.0) == (True, True)
     table = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv")
-    assert [(row.set, row.law) for row in table_read] == list(zip(table["set"], table["law"], strict=True))
+    assert [(row.set, row.law) for row in laws_table] == list(zip(table["set"], table["law"], strict=True))
     for name in ("drawbar_pull_N", "sinkage_mm", "side_force_N", "in_sds"):
-        np.testing.assert_allclose([getattr(row, name) for row in table_read], table[name], rtol=0.1, atol=0.05)
+        np.testing.assert_allclose([getattr(row, name) for row in laws_table], table[name], rtol=0.1, atol=0.05)
     both = rows["both signs", "softening + ploughing"]
     assert (both.drawbar_pull_N < 1.5, both.sinkage_mm < 2.5) == (True, True)
     askew = rows["slip angles", "+ softening + flank + rate"]

@@ -268,10 +268,10 @@ def test_a_killed_sweep_resumes_to_the_same_table(tmp_path):
 
     for folder in ("killed", "whole"):
         process = started(folder)
-        decode = process.communicate(timeout=300.0)[1].decode()
-        assert process.returncode == 0, decode
-        assert decode.startswith(f"killed: {len(finished) if folder == 'killed' else 0} of 32 cases, 0 failed")
-        assert "killed: 32 of 32 cases" in decode
+        printed = process.communicate(timeout=300.0)[1].decode()
+        assert process.returncode == 0, printed
+        assert printed.startswith(f"killed: {len(finished) if folder == 'killed' else 0} of 32 cases, 0 failed")
+        assert "killed: 32 of 32 cases" in printed
     assert files(tmp_path / "killed") == files(tmp_path / "whole")
     assert json.loads((tmp_path / "whole" / "study.json").read_text())["plan"] == {"kind": "Sobol", "cases": 32}
 

@@ -28,8 +28,8 @@ def resultant(expected):
     """Radial pressure in proportion to depth, summed over the patches: the exact resultant for n = 1."""
     total = np.zeros(3)
     for patch in expected:
-        acos = math.acos(1.0 - patch.h / R)
-        full = acos - math.sin(acos) * math.cos(acos)
+        half_arc = math.acos(1.0 - patch.h / R)
+        full = half_arc - math.sin(half_arc) * math.cos(half_arc)
         t = np.cross(np.array([0.0, 1.0, 0.0]), patch.facet.normal)
         total += R * full * (patch.share * patch.facet.normal - patch.tilt * t)
     return total

@@ -62,9 +62,9 @@ def test_numbers_at_bounds_are_held_there_and_others_refitted():
 def of_runs(fitted):
     """The SD of one number that all rows tell alike, by how runs scatter: the sandwich, as Student's t has it."""
     runs = fitted.residual.sum(axis=(1, 2))
-    count, small_count = fitted.rows.size, len(runs)
-    widened = student.ppf(0.975, small_count - 1) / norm.ppf(0.975)
-    return widened * math.sqrt(small_count / (small_count - 1) * np.sum(runs**2) + 1.0) / (count + 1.0)
+    count, run_count = fitted.rows.size, len(runs)
+    widened = student.ppf(0.975, run_count - 1) / norm.ppf(0.975)
+    return widened * math.sqrt(run_count / (run_count - 1) * np.sum(runs**2) + 1.0) / (count + 1.0)
 
 
 @pytest.mark.parametrize(("runs", "counts"), [(3, False), (4, True), (8, True)])

@@ -69,10 +69,13 @@ def logged(truth, base):
 
 def fitted(task, model, effect=None, name=None, also=()):
     """Return a fit of a few uncertain numbers and of one size of an effect."""
-    having = model if effect is None else model.having(effect)
-    free = [parameter(having, "soil.phi", math.radians(2.0)), parameter(having, "motor.gear", 0.04, log=True)]
-    free += [parameter(having, "motor.resistance", 0.04, log=True), *also]
-    return fit(task, having, [*free, *([candidate_of(effect).size(name)] if name else [])])
+    model_fitted = model if effect is None else model.having(effect)
+    free = [
+        parameter(model_fitted, "soil.phi", math.radians(2.0)),
+        parameter(model_fitted, "motor.gear", 0.04, log=True),
+    ]
+    free += [parameter(model_fitted, "motor.resistance", 0.04, log=True), *also]
+    return fit(task, model_fitted, [*free, *([candidate_of(effect).size(name)] if name else [])])
 
 
 @pytest.fixture(scope="module")

@@ -26,8 +26,8 @@ def compared(rates, duty=0.5, is_held=False, t=T):
 @pytest.mark.parametrize(("rate", "duty"), [(0.19, 0.5), (-0.19, -0.5), (-1.0, 0.5), (1.0, -0.5)])
 def test_standing_or_reversing_rover_is_compared_after_1_5_s(rate, duty):
     """Below 0.2 rad/s in the mean of its wheels, or against its duty; from 4 to 5 s."""
-    copysign = math.copysign(1.0, duty)
-    row = np.where((T > 3.95) & (T < 5.05), rate, copysign)
+    direction = math.copysign(1.0, duty)
+    row = np.where((T > 3.95) & (T < 5.05), rate, direction)
     is_compared = compared([row, row], duty)
     gap = np.diff(is_compared)
     assert is_compared[np.argmax(gap)] == pytest.approx(3.9)
