@@ -10,11 +10,16 @@ from rover_pin.version import __version__
 
 
 def key_of_code(others: Iterable[Path] = ()) -> str:
-    """Return a digest of 32 letters that changes whenever code changes on which a result depends.
+    """Return a digest of 32 hexadecimal digits that changes whenever code changes on which a result depends.
 
     The digest covers the package's version, its Python and C files, and `others`: files of code outside the package,
     such as a user's effects. If a saved result has another digest, other code computed it, and it must be computed
     again.
+
+    Examples
+    --------
+    >>> len(key_of_code())
+    32
     """
     digest = hashlib.sha256(_package_key().encode())
     # The order of the files must not change the digest.

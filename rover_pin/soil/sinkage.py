@@ -90,6 +90,14 @@ def entry_angle(
 
     Source: Eq (6), the normal force f_n, which is "balanced to the load W". Differs from the paper: the paper holds
     theta_1 constant.
+
+    Examples
+    --------
+    >>> from rover_pin import SOILS
+    >>> from rover_pin.rover.rover import load_rover
+    >>> wheel = load_rover("nexus6").wheels[0].wheel
+    >>> [round(math.degrees(entry_angle(load, 0.2, wheel, SOILS["table-1"])), 1) for load in (10.0, 20.0)]
+    [35.6, 45.4]
     """
     # A result that is an expression cannot be checked here; `fitted_entry_angle` has a check for expressions.
     solution = _solve_entry_angle(load, S, wheel, soil, steps, state)

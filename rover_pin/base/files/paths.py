@@ -78,6 +78,13 @@ def data_path(location: str | Path) -> Path:
 
     If the path `location` exists, it is returned. Otherwise, if the package has a sample of this name, the path of the
     sample is returned. Otherwise `location` is returned unchanged, and the caller reports that the data are missing.
+
+    Examples
+    --------
+    >>> data_path("cmu-grousered-wheel").is_dir()  # a sample of the package
+    True
+    >>> data_path("no/such/data").as_posix()
+    'no/such/data'
     """
     path = Path(location)
     sample = sample_folder() / path

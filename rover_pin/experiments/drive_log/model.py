@@ -178,6 +178,13 @@ def with_spread(model: Model, motors: bool = True) -> Model:
 
     Each tachogenerator gets a gain, and each motor gets a gain. If `motors` is False, one error of the rolling radius
     of all wheels replaces the gains of the motors. Effects that the model already has are kept.
+
+    Examples
+    --------
+    >>> from rover_pin import scenario
+    >>> flat = scenario("flat").model  # six wheels
+    >>> len(with_spread(flat).all_effects) - len(flat.all_effects)
+    12
     """
     wheels = model.rover.wheels
     # With given wheel rates, the motors do not show, and a common error of the rolling radius takes their place.

@@ -45,6 +45,12 @@ def effect_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
 def rig_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
     """Return the classes of effects that can change the channels of a rig, from the package and from a user's file or
     folder.
+
+    Examples
+    --------
+    >>> names = [kind.__name__ for kind in rig_kinds()]
+    >>> "SlipSinkage" in names, "WeakMotor" in names  # a rig drives its wheel without the rover's motor
+    (True, False)
     """
     return shown_by_rigs(effect_kinds(folder))
 

@@ -325,6 +325,14 @@ def write_model(model: RigModel, path: str | Path, note: str = "") -> Path:
     """Write the model to a TOML file and return its path; `note` is a remark for the reader of the file.
 
     An effect from outside the package is written with the path of its Python file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> model = RigModel(Wheel(), Soil())
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     read_model(write_model(model, f"{folder}/model.toml")) == model
+    True
     """
     # Reading errors are written only if at least one of them differs from none.
     table = {

@@ -50,7 +50,7 @@ lists of tables."""
 
 
 def write_model(model: Model, path: str | Path, note: str = "", rover: str = "", with_terrain: bool = False) -> Path:
-    """Write a model to a TOML file, so that `read_model` reads an equal model from it, and return the file's path.
+    """Write a model to a TOML file, and return the file's path. `read_model` reads a model with equal numbers from it.
 
     Parameters
     ----------
@@ -69,7 +69,17 @@ def write_model(model: Model, path: str | Path, note: str = "", rover: str = "",
     Raises
     ------
     DataError
-        The rover's path is missing, a quantity is an expression, or a file cannot be written.
+        The rover's path is missing, or a file cannot be written.
+    ParameterError
+        A quantity is a CasADi expression, which has no number to write.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from rover_pin import scenario
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_model(scenario("flat").model, f"{folder}/model.toml", note="my rover").name
+    'model.toml'
     """
     path, name = Path(path), rover or model.rover.name
     if not rover and not (rover_folder() / f"{name}.toml").is_file():
@@ -131,6 +141,16 @@ def read_model(path: str | Path, terrain: Terrain | None = None, trust: Trust = 
         A field, unit or value is unknown or beyond its limits.
     UrdfError
         The rover cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from rover_pin import scenario
+    >>> flat = scenario("flat").model
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     again = read_model(write_model(flat, f"{folder}/model.toml"), flat.terrain)
+    >>> again.motor == flat.motor and again.effects == flat.effects
+    True
     """
     path = Path(path)
     table = _check_table(path, read_toml(path))
