@@ -44,8 +44,9 @@ def map_figure(
     """
     (left, right), (low, high) = ((axis[0] - 0.5 * spacing, axis[-1] + 0.5 * spacing) for axis in (x, y))
     tall = min(max((high - low) / (right - left), 0.25), 1.2)
-    # Panels keep the proportions of the map, within limits that leave room for their labels.
-    figure, axes = new_figure(2, 3, (12.0, 1.8 + 5.8 * tall), sharex=True, sharey=True)
+    # Panels keep the proportions of the map, within limits that leave room for their labels. Two panels side by side
+    # are 8 in wide, so that the labels can be read on a page of 690 pixels.
+    figure, axes = new_figure(3, 2, (8.0, 2.4 + 8.4 * tall), sharex=True, sharey=True)
     draw_heights(axes[0, 0], terrain, (left, right, low, high))
     axes[0, 0].set(title="height", aspect="equal")
     drawn = [(name, label) for name, label in LABELS.items() if name in bands]
@@ -63,5 +64,5 @@ def map_figure(
         panel.set_xlabel("x [m]")
     for panel in axes[:, 0]:
         panel.set_ylabel("y [m]")
-    figure.suptitle(figure_text(title), fontsize=9)
+    figure.suptitle(figure_text(title), fontsize=10)
     return figure
