@@ -178,8 +178,13 @@ def clocks(
     candidates: list[tuple[int, Word, bool]] = []
     for item in words:
         values, rank = times(table[item.name]), 1 if declared else _rank(item)
-        # Repeated times mean too few digits, unless whole rows are repeated: then one of two equal rows is dropped.
-        is_coarse = rank < 3 and _repeats(values) > MAX_REPEATS and not _rows_repeat(table, item.name)
+        # Repeated times mean that the clock has too few digits. If most rows with a repeated time repeat all other
+        # cells too, the rows are doubled instead, and one of two equal rows is dropped later.
+        is_coarse = rank < 3 and _repeats(values) > MAX_REPEATS
+        again = np.flatnonzero(values[1:] == values[:-1]) + 1
+        if is_coarse and again.size:
+            before, after = (table.iloc[again + shift].to_numpy(dtype=float) for shift in (-1, 0))
+            is_coarse = bool(np.mean(np.all((before == after) | np.isnan(after), axis=1)) <= 0.5)
         if is_coarse and even_times(values) is not None:
             candidates.append((rank, item, True))
         elif _runs(values, rank):
@@ -298,13 +303,6 @@ def _repeats(values: np.ndarray) -> float:
     """Return the fraction of rows whose time equals the time of the row before."""
     known = values[np.isfinite(values)]
     return float(np.mean(np.diff(known) == 0.0)) if known.size > 1 else 0.0
-
-
-def _rows_repeat(table: pd.DataFrame, clock: str) -> bool:
-    """Return whether, in most rows that repeat the time of the row before, all other cells repeat that row too."""
-    again = np.flatnonzero(times(table[clock])[1:] == times(table[clock])[:-1]) + 1
-    before, after = (table.iloc[again + shift].to_numpy(dtype=float) for shift in (-1, 0))
-    return bool(np.mean(np.all((before == after) | np.isnan(after), axis=1)) > 0.5) if again.size else False
 
 
 def whole_stamps(table: pd.DataFrame) -> pd.DataFrame:

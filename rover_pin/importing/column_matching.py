@@ -146,7 +146,15 @@ def match_columns(sources: Sequence[Source], rover: Rover, declared: Mapping[str
         words, list(recordings.values()), list(values.values()), rover, declared_here, reading.heading, reading.wheels
     )
     guesses |= {guess.target: guess for guess in more_guesses}
-    guesses |= {guess.target: guess for guess in _near_the_origin(guesses, recordings)}
+    # Terrain files do not allow coordinates as large as those of a map grid, so positions far from 0 get an offset, a
+    # multiple of 10 m. The offset is in the unit of the column, because it is added before the conversion.
+    positions = _values(next(iter(recordings.values())), guesses.values())
+    for name in ("body_x", "body_y"):
+        entry, place = guesses[name].entry, positions[name][np.isfinite(positions[name])][0]
+        if abs(place) > LARGEST:
+            unit = to_si(1.0, entry["unit"], "m", name) if entry.get("unit") else 1.0
+            offset = entry.get("offset", 0.0) - round(float(place), -1) / unit
+            guesses[name] = guesses[name]._replace(entry={**entry, "offset": offset})
     values = {path: _values(recording, guesses.values()) for path, recording in recordings.items()}
     used = {
         name
@@ -372,22 +380,6 @@ def _guesses(reading: Reading, selection: Selection, recordings: Mapping[Path, R
                     )
                     guess = guess._replace(entry={"formula": text}, why=why)
             yield guess
-
-
-def _near_the_origin(guesses: Mapping[str, Guess], recordings: Mapping[Path, Recording]) -> Iterator[Guess]:
-    """Yield new sources of body_x and body_y with an offset (a multiple of 10 m) if the positions are map coordinates
-    far from 0.
-
-    The offset is needed because terrain files do not allow the large coordinates of a map grid.
-    """
-    values = _values(next(iter(recordings.values())), guesses.values())
-    for name in ("body_x", "body_y"):
-        # The offset is in the unit of the column, because it is added before the conversion.
-        entry, place = guesses[name].entry, values[name][np.isfinite(values[name])][0]
-        if abs(place) > LARGEST:
-            unit = to_si(1.0, entry["unit"], "m", name) if entry.get("unit") else 1.0
-            offset = entry.get("offset", 0.0) - round(float(place), -1) / unit
-            yield guesses[name]._replace(entry={**entry, "offset": offset})
 
 
 def share_back(rates: np.ndarray) -> float:

@@ -139,29 +139,33 @@ def import_log(
         raise DataError(f"{folder} already exists, and nothing is overwritten: give another folder with --out.")
     loaded_rover = load_rover(str(rover))
     declared = {name: {"formula": text} for name, text in (columns or {}).items()}
-    _refuse_unread(declared, loaded_rover)
-    clock = declared.get("t_s", {}).get("formula", "")
-    read = telling((_read(path, clock) for path in paths), len(paths), "recordings read")
-    sources = _without_copies([source for parts in read for source in parts])
-    mapping = match_columns(sources, loaded_rover, declared)
-    return _write_log(folder, sources, rover, loaded_rover, mapping, most)
-
-
-def _refuse_unread(declared: Mapping[str, Mapping[str, str]], rover: Rover) -> None:
-    """Raise an error if the user declared a column that is neither a channel of this rover nor used by another declared
-    formula.
-    """
-    # A misspelt channel would otherwise be read as a helper column that nothing uses, and be ignored silently.
-    wheels = [mount.name for mount in rover.wheels]
+    # A declared name that is neither a channel of this rover nor used by another formula is refused: a misspelt channel
+    # would otherwise be read as a helper column that nothing uses, and be ignored silently.
+    wheels = [mount.name for mount in loaded_rover.wheels]
     used = {word for entry in declared.values() for word in re.findall(r"\w+", entry["formula"])}
     for name in declared:
         if not is_column(name, wheels) and name not in used:
             kinds = ("wheel_rate_{}", "duty_{}", "current_{}_A", "raw_current_{}")
-            there = (*WHOLE, *rover.angles, *(kind.format(wheel) for kind in kinds for wheel in wheels))
+            there = (*WHOLE, *loaded_rover.angles, *(kind.format(wheel) for kind in kinds for wheel in wheels))
             raise DataError(
-                f"--column {name}: a drive log of {rover.name} has no channel '{name}', and no formula of another "
-                f"--column uses this name: {closest(name, there)}"
+                f"--column {name}: a drive log of {loaded_rover.name} has no channel '{name}', and no formula of "
+                f"another --column uses this name: {closest(name, there)}"
             )
+    clock = declared.get("t_s", {}).get("formula", "")
+    read = telling((_read(path, clock) for path in paths), len(paths), "recordings read")
+    # A recording that repeats all rows of another one is left out, with a note. If it were counted twice, its noise
+    # would look like a reproducible effect.
+    sources: list[Source] = []
+    for source in itertools.chain.from_iterable(read):
+        at = next((at for at, other in enumerate(sources) if other.table.equals(source.table)), None)
+        if at is None:
+            sources.append(source)
+        else:
+            twin = sources[at]
+            note = f"{source.path.name}: left out, because it has the same rows as {twin.path.name}"
+            sources[at] = twin._replace(notes=(*twin.notes, *source.notes, note))
+    mapping = match_columns(sources, loaded_rover, declared)
+    return _write_log(folder, sources, rover, loaded_rover, mapping, most)
 
 
 def _read(path: Path, clock: str) -> list[Source]:
@@ -175,58 +179,44 @@ def _read(path: Path, clock: str) -> list[Source]:
         log.info("reading %s: %.0f MB", path.name, size / 1e6)
     raw = read_raw(path)
     notes = [f"{path.name}: {note}" for note in raw.notes]
-    # An overflowing counter falls back too, so overflows are removed before the file is cut at falls of the clock.
-    table, counted_on = _unwrapped(path, whole_stamps(raw.table), clock)
-    tables, falls = _cut_where_the_clock_falls_back(path, table, clock)
+    # A clock falls back if its counter overflows or if it begins again each day. Such a clock is continued past each
+    # overflow before the file is cut at falls of the clock, because an overflow is no new recording.
+    table = whole_stamps(raw.table)
+    for item in clock_words(table):
+        values = times(table[item.name])
+        if item.name == (clock or item.name) and (begins := restarts(values)):
+            continued = wrapped_clock(values, begins)
+            if continued is not None:
+                notes.append(
+                    f"{path.name}: the clock '{item.name}' overflows and begins again at row {begins[0] + 1}. Its "
+                    "times are continued there"
+                )
+                table = table.assign(**{item.name: continued + float(table[item.name].iloc[0])})
+                break
+    # If the clock still falls back, the file holds several recordings one after the other. Each of them gets a name of
+    # its own, and one note states the rows at which the clock falls back.
+    tables = {path: table}
+    for item in clock_words(table):
+        values = times(table[item.name])
+        begins = restarts(values) if item.name == (clock or item.name) else []
+        if begins:
+            falls = [f"row {row + 1} (from {_cell(table, item.name, values, row)})" for row in begins[:5]]
+            notes.append(
+                f"{path.name}: the clock '{item.name}' decreases at {', '.join(falls)}"
+                f"{' ...' if len(begins) > 5 else ''}, so the file is read as {len(begins) + 1} recordings"
+            )
+            edges = [0, *begins, len(table)]
+            pieces = [table.iloc[a:b].reset_index(drop=True) for a, b in itertools.pairwise(edges)]
+            tables = {path.with_name(f"{path.name}, recording {at}"): piece for at, piece in enumerate(pieces, 1)}
+            break
     sources = []
     for part, rows in tables.items():
         cleaned, lost = drop_lost_values(part, rows, raw.dates)
         joined, clocks = on_common_clock(part, cleaned, raw.dates, clock)
         # A resampled table has a clock in seconds, so no column of it holds dates any more.
         dates = raw.dates if joined is cleaned else ()
-        sources.append(Source(part, joined, (*notes, *counted_on, *falls, *lost, *clocks), dates, raw.texts))
+        sources.append(Source(part, joined, (*notes, *lost, *clocks), dates, raw.texts))
     return sources
-
-
-def _unwrapped(path: Path, table: pd.DataFrame, clock: str) -> tuple[pd.DataFrame, list[str]]:
-    """Return the table with an overflowing clock continued past each overflow, and a note on the overflow.
-
-    A clock overflows if its counter overflows or if it begins again each day. Without an overflow, table and notes are
-    unchanged.
-    """
-    for item in clock_words(table):
-        values = times(table[item.name])
-        if item.name == (clock or item.name) and (begins := restarts(values)):
-            counted_on = wrapped_clock(values, begins)
-            if counted_on is not None:
-                note = (
-                    f"{path.name}: the clock '{item.name}' overflows and begins again at row {begins[0] + 1}. Its "
-                    "times are continued there"
-                )
-                return table.assign(**{item.name: counted_on + float(table[item.name].iloc[0])}), [note]
-    return table, []
-
-
-def _cut_where_the_clock_falls_back(
-    path: Path, table: pd.DataFrame, clock: str
-) -> tuple[dict[Path, pd.DataFrame], list[str]]:
-    """Cut a table into the recordings that it holds one after the other, and return each under a name of its own.
-
-    The list of notes holds one sentence if there are several recordings, and is empty otherwise.
-    """
-    for item in clock_words(table):
-        values = times(table[item.name])
-        begins = restarts(values) if item.name == (clock or item.name) else []
-        if begins:
-            falls = [f"row {row + 1} (from {_cell(table, item.name, values, row)})" for row in begins[:5]]
-            note = (
-                f"{path.name}: the clock '{item.name}' decreases at {', '.join(falls)}"
-                f"{' ...' if len(begins) > 5 else ''}, so the file is read as {len(begins) + 1} recordings"
-            )
-            edges = [0, *begins, len(table)]
-            pieces = [table.iloc[a:b].reset_index(drop=True) for a, b in itertools.pairwise(edges)]
-            return {path.with_name(f"{path.name}, recording {at}"): piece for at, piece in enumerate(pieces, 1)}, [note]
-    return {path: table}, []
 
 
 def _cell(table: pd.DataFrame, name: str, values: np.ndarray, row: int) -> str:
@@ -235,23 +225,6 @@ def _cell(table: pd.DataFrame, name: str, values: np.ndarray, row: int) -> str:
     """
     before = int(np.flatnonzero(np.isfinite(values[:row]))[-1])
     return f"{table[name].iloc[before]:.10g} to {table[name].iloc[row]:.10g}"
-
-
-def _without_copies(sources: Sequence[Source]) -> list[Source]:
-    """Return the recordings without those that repeat all rows of another one, with a note on each removed copy.
-
-    If a recording were counted twice, its noise would look like a reproducible effect.
-    """
-    kept: list[Source] = []
-    for source in sources:
-        twin = next((other for other in kept if other.table.equals(source.table)), None)
-        if twin is None:
-            kept.append(source)
-        else:
-            at = kept.index(twin)
-            note = f"{source.path.name}: left out, because it has the same rows as {twin.path.name}"
-            kept[at] = twin._replace(notes=(*twin.notes, *source.notes, note))
-    return kept
 
 
 class _Piece(NamedTuple):

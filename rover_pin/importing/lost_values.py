@@ -74,7 +74,18 @@ def drop_lost_values(path: Path, table: pd.DataFrame, dates: Sequence[str]) -> t
     clocks = {item.name for item in clock_words(table)} | set(dates)
     words = [item for item in words_of(table) if item.name not in clocks]
     pairs = list(_places(words))
-    findings = [*_huge(table, words), *_codes(table, words, pairs)]
+    # A number larger than MAX_NUMBER is no measurement. Columns that have the same such number in the same rows share
+    # one finding. A column that nearly always increases is a counter or a clock without a name, and may be huge.
+    huge: dict[tuple[float, bytes], list[str]] = {}
+    for name in (item.name for item in words):
+        values = table[name].to_numpy(dtype=float)
+        if np.mean(is_ahead(values)) <= 0.9:
+            for value in np.unique(values[np.abs(values) > MAX_NUMBER])[:3]:
+                huge.setdefault((float(value), (values == value).tobytes()), []).append(name)
+    findings = [
+        Lost(tuple(names), np.frombuffer(rows, dtype=bool), f"{value:g}") for (value, rows), names in huge.items()
+    ]
+    findings += _codes(table, words, pairs)
     cleaned = _without(table, findings)
     # Codes are removed first: a code between two frozen stretches would look like the jump that ends one.
     frozen = [item for x, y in pairs for item in _frozen(cleaned, x, y)]
@@ -127,23 +138,6 @@ def _places(words: Sequence[Word]) -> Iterator[tuple[str, str]]:
             for y in (item for item in words if item.has(second) and not item.has(called.NO_PLACE)):
                 if set(x.tokens) - first == set(y.tokens) - second:
                     yield x.name, y.name
-
-
-def _huge(table: pd.DataFrame, words: Sequence[Word]) -> Iterator[Lost]:
-    """Yield the cells whose number is larger than MAX_NUMBER, so that it is no measurement.
-
-    Columns that have such a number in common rows are yielded together.
-    """
-    found: dict[tuple[float, bytes], list[str]] = {}
-    for item in words:
-        values = table[item.name].to_numpy(dtype=float)
-        # A column that nearly always increases is a counter or a clock without a name, and may be huge.
-        if np.mean(is_ahead(values)) > 0.9:  # a counter or a clock without a name
-            continue
-        for value in np.unique(values[np.abs(values) > MAX_NUMBER])[:3]:
-            found.setdefault((float(value), (values == value).tobytes()), []).append(item.name)
-    for (value, rows), names in found.items():
-        yield Lost(tuple(names), np.frombuffer(rows, dtype=bool), f"{value:g}")
 
 
 def _codes(table: pd.DataFrame, words: Sequence[Word], pairs: Sequence[tuple[str, str]]) -> Iterator[Lost]:

@@ -61,7 +61,17 @@ def places(words: Sequence[Word], declared: Mapping[str, Entry]) -> list[list[Ch
     """
     xs, ys, zs = ([word for word in words if _axis(word, axis)] for axis in (called.X, called.Y, called.Z))
     declared_axes = {name: entry for name, entry in declared.items() if name in ("body_x", "body_y", "body_z")}
-    tiers: list[list[Choice]] = [list(_geographic(words)), []]
+    tiers: list[list[Choice]] = [[], []]
+    # If latitude and longitude are recorded, the position is given in metres east and north of the first position.
+    # Degrees are converted here, because a drive log has its positions in metres.
+    lat, lon = ([word for word in words if word.has(names)] for names in (called.LATITUDE, called.LONGITUDE))
+    if lat and lon:
+        pair = f"({quote(lat[0].name)}, {quote(lon[0].name)})"
+        entries: dict[str, Entry] = {"body_x": {"formula": f"east{pair}"}, "body_y": {"formula": f"north{pair}"}}
+        up = [word for word in words if word.has(called.UP) and not word.has(called.NO_PLACE)]
+        entries |= {"body_z": column(up[0], "m")} if up else {}
+        why = "metres from the first position, computed from latitude and longitude [deg]"
+        tiers[0].append(Choice(entries, 0.5, why))
     for x, y in itertools.product(xs, ys):
         # x and y belong together if their names are equal apart from the letter. A height may lack the word "utm", or
         # be named altitude.
@@ -111,19 +121,6 @@ def _framed_choices(x: Word, y: Word, z: Word | None) -> Iterator[Choice]:
         more += "; by its name it is odometry, which does not see slip" if x.has(called.ODOMETRY) else ""
         weight = math.log(share * often) + x.has(called.MEASURED)
         yield Choice(entries, weight, f"its name{' and unit' * bool(x.unit)}{more}", not more, frame == "z down")
-
-
-def _geographic(words: Sequence[Word]) -> Iterator[Choice]:
-    """If latitude and longitude are recorded, yield the position as metres east and north of the first position."""
-    # Degrees are converted on the spot, because a drive log has its positions in metres.
-    lat, lon = ([word for word in words if word.has(names)] for names in (called.LATITUDE, called.LONGITUDE))
-    if not lat or not lon:
-        return
-    pair = f"({quote(lat[0].name)}, {quote(lon[0].name)})"
-    entries: dict[str, Entry] = {"body_x": {"formula": f"east{pair}"}, "body_y": {"formula": f"north{pair}"}}
-    up = [word for word in words if word.has(called.UP) and not word.has(called.NO_PLACE)]
-    entries |= {"body_z": column(up[0], "m")} if up else {}
-    yield Choice(entries, 0.5, "metres from the first position, computed from latitude and longitude [deg]")
 
 
 def headings(words: Sequence[Word], declared: Mapping[str, Entry]) -> list[Choice]:

@@ -5,7 +5,7 @@ is predicted by a model that was fitted to the others.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -87,7 +87,23 @@ def parts(drive: DriveSignals) -> list[Part]:
     A short recording is cut into about WANTED_RUNS runs, so that some of them can be held out. Stretches shorter than
     MIN_LENGTH are dropped.
     """
-    stretches = [part for part in _driven_stretches(drive) if _duration(drive, part) >= MIN_LENGTH]
+    # The rover moves where its wheel rate exceeds a share of the fast rates. The fast rate is the 90th percentile and
+    # not the maximum, because a single spike of the rates must not hide the drive.
+    step = float(np.median(np.diff(drive.t)))
+    fast = float(np.nanpercentile(drive.rate, 90))
+    moves = np.flatnonzero(np.nan_to_num(drive.rate) > MOVING_SHARE * fast)
+    if not moves.size or fast <= 0.0:
+        return []
+    # Rows in motion that are more than MIN_STOP apart belong to different runs. A gap in the times separates runs too.
+    # Each stretch begins LEAD seconds before the rover starts to move.
+    stops = np.diff(drive.t[moves]) > MIN_STOP
+    late = np.flatnonzero(np.diff(drive.t) > max(MIN_GAP, MIN_GAP_STEPS * step)) + 1
+    stretches: list[Part] = []
+    for group in np.split(moves, np.flatnonzero(stops) + 1):
+        lead = int(np.searchsorted(drive.t, drive.t[group[0]] - LEAD))
+        edges = [lead, *(int(at) for at in late if lead < at <= group[-1]), int(group[-1]) + 1]
+        driven = [Part(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a > 1]
+        stretches += [part for part in driven if _duration(drive, part) >= MIN_LENGTH]
     total = sum(_duration(drive, part) for part in stretches)
     longest = min(MAX_LENGTH, max(2.0 * MIN_LENGTH, total / WANTED_RUNS))
     pieces = []
@@ -104,25 +120,6 @@ def parts(drive: DriveSignals) -> list[Part]:
 def _duration(drive: DriveSignals, part: Part) -> float:
     """Return the duration of a run [s]."""
     return float(drive.t[part.last - 1] - drive.t[part.first])
-
-
-def _driven_stretches(drive: DriveSignals) -> Iterator[Part]:
-    """Yield the stretches of a drive between stops and gaps, each with the LEAD seconds before the rover starts to
-    move.
-    """
-    # The 90th percentile and not the maximum: a single spike of the rates must not hide the drive.
-    step = float(np.median(np.diff(drive.t)))
-    fast = float(np.nanpercentile(drive.rate, 90))
-    moves = np.flatnonzero(np.nan_to_num(drive.rate) > MOVING_SHARE * fast)
-    if not moves.size or fast <= 0.0:
-        return
-    # Rows in motion that are more than MIN_STOP apart belong to different runs. A gap in the times separates runs too.
-    stops = np.diff(drive.t[moves]) > MIN_STOP
-    late = np.flatnonzero(np.diff(drive.t) > max(MIN_GAP, MIN_GAP_STEPS * step)) + 1
-    for group in np.split(moves, np.flatnonzero(stops) + 1):
-        lead = int(np.searchsorted(drive.t, drive.t[group[0]] - LEAD))
-        edges = [lead, *(int(at) for at in late if lead < at <= group[-1]), int(group[-1]) + 1]
-        yield from (Part(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a > 1)
 
 
 def choose_parts(candidates: list[tuple[DriveSignals, Part]], most: int) -> list[int]:

@@ -70,6 +70,15 @@ def families(words: Sequence[Word], rover: Rover) -> Iterator[tuple[frozenset[st
         others = [key for key in groups if key[0] == stem and key[1] and not groups[key].keys() & group.keys()]
         if not unit and len(others) == 1 and len(group) < len(groups[others[0]]):
             groups[others[0]] |= groups.pop((stem, unit))
+    # Programs usually number wheels axle by axle, side by side, or around the rover from the front left or from the
+    # front right wheel. The number of each order is its prior probability.
+    left, right = ([mount.name for mount in rover.wheels if mount.side == side] for side in "lr")
+    orders = (
+        ([name for pair in zip(left, right, strict=False) for name in pair], 0.6),
+        (left + right, 0.17),
+        (left[:1] + right + left[:0:-1], 0.13),
+        (right[:1] + left + right[:0:-1], 0.1),
+    )
     for (stem, unit), group in groups.items():
         mapped = {name: word for wheels, word in group.items() if not isinstance(wheels, str) for name in wheels}
         numbers = {int(number): word for number, word in group.items() if isinstance(number, str)}
@@ -83,7 +92,7 @@ def families(words: Sequence[Word], rover: Rover) -> Iterator[tuple[frozenset[st
             else:
                 firsts = [first for first in (1, 0) if low >= first and high < first + count]
             maps = []
-            for first, (order, share) in itertools.product(firsts, _orders(rover)):
+            for first, (order, share) in itertools.product(firsts, orders):
                 family = {wheel: numbers[at] for at, wheel in enumerate(order, first) if at in numbers}
                 maps += [(family, share / len(firsts))] if are_enough(family, rover) else []
             if maps:
@@ -119,18 +128,6 @@ def _owners(word: Word, rover: Rover) -> tuple[tuple[str, ...] | str, tuple[str,
     axles = {"front": [0], "rear": [last], "mid": list(range(1, last)), "": list(range(last + 1))}
     on = axles.get(axle) or ([int(axle) - 1] if axle.isdigit() else [])
     return tuple(mount.name for mount in mounts if side and mount.axle in on), other_words
-
-
-def _orders(rover: Rover) -> Iterator[tuple[list[str], float]]:
-    """Yield the usual orders of wheel numbers in programs, as lists of wheel names with their prior probability.
-
-    The orders are: axle by axle, side by side, and around the rover from the front left or from the front right wheel.
-    """
-    left, right = ([mount.name for mount in rover.wheels if mount.side == side] for side in "lr")
-    yield [name for pair in zip(left, right, strict=False) for name in pair], 0.6
-    yield left + right, 0.17
-    yield left[:1] + right + left[:0:-1], 0.13
-    yield right[:1] + left + right[:0:-1], 0.1
 
 
 def wheel_choices(words: Sequence[Word], rover: Rover, declared: Mapping[str, Entry]) -> list[list[Choice]]:

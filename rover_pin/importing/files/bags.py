@@ -237,23 +237,20 @@ def delimiter_of_records(path: Path) -> str:
         head = decode(content(path, MAX_TABLE_BYTES, HEAD))[0].splitlines()[:SAMPLED_LINES]
     except OSError:
         return ""
-    return next((mark for mark in DELIMITERS if _are_records(head, mark)), "")
-
-
-def _are_records(lines: list[str], delimiter: str) -> bool:
-    """Return whether the lines of a text are records.
-
-    Each record begins with the name of its type. All records of a type have one number of cells, and at least two types
-    differ in this number.
-    """
-    try:
-        rows = [cells(line, delimiter) for line in lines[:-1] if line.strip()]
-    except csv.Error:
-        return False
-    if not rows or any(not _is_word(row[0]) or len(row) < 3 or _is_word(row[1]) for row in rows):
-        return False
-    widths = {(row[0], len(row)) for row in rows}
-    return len(widths) == len({name for name, _ in widths}) and len({width for _, width in widths}) > 1
+    for mark in DELIMITERS:
+        try:
+            rows = [cells(line, mark) for line in head[:-1] if line.strip()]
+        except csv.Error:
+            continue
+        # Each record begins with the name of its type, which is the only word among its first two cells.
+        if not rows or any(not _is_word(row[0]) or len(row) < 3 or _is_word(row[1]) for row in rows):
+            continue
+        # All records of a type have the same number of cells, and at least two types differ in this number. A table
+        # has rows of one width.
+        widths = {(row[0], len(row)) for row in rows}
+        if len(widths) == len({name for name, _ in widths}) and len({width for _, width in widths}) > 1:
+            return mark
+    return ""
 
 
 def _is_word(cell: str) -> bool:
