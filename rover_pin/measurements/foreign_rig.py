@@ -88,24 +88,18 @@ class RigTable:
         for name, formula in formulas.items():
             if name not in allowed:
                 raise ParameterError(f"--column {name}: there is no such column of a rig set: {closest(name, allowed)}")
-            self.sources[name] = self._declared_source(name, formula.strip())
+            formula = formula.strip()
+            if formula not in self.table.columns:
+                names_in(formula, f"--column {name}")
+                self.notes.append(f"{name} is {formula}, as --column states")
+                self.sources[name] = Source(formula, formula=formula)
+                continue
+            # The name of one column of the table is no formula: the column is read in the unit that its name states. A
+            # column of an SD has the unit of its channel.
+            unit = stated_unit(formula, UNITS.get(name.replace("_sd_", "_"), ""))
+            self.notes.append(f"{name} is '{formula}'{f' in {unit}' if unit else ''}, as --column states")
+            self.sources[name] = Source(formula, unit)
         self._match_columns()
-
-    def _declared_source(self, name: str, formula: str) -> Source:
-        """Return the origin that the user declares for a column of the new data set.
-
-        `formula` is a formula of the table's columns, or the name of one column of the table, which is read in the unit
-        that its name states.
-        """
-        if formula not in self.table.columns:
-            names_in(formula, f"--column {name}")
-            self.notes.append(f"{name} is {formula}, as --column states")
-            return Source(formula, formula=formula)
-        # A column of an SD has the unit of its channel.
-        expected = UNITS.get(name.replace("_sd_", "_"), "")
-        unit = stated_unit(formula, expected)
-        self.notes.append(f"{name} is '{formula}'{f' in {unit}' if unit else ''}, as --column states")
-        return Source(formula, unit)
 
     def _match_columns(self) -> None:
         """Find, for each column of the researcher's table, the column of the new data set that it means, and store the
@@ -182,7 +176,16 @@ class RigTable:
             travel, rim = (columns[name] for name in SPEEDS)
             columns["slip"] = slip_ratios(rim, travel * np.cos(columns.get(ANGLE, 0.0)))
             self.notes.append("slip follows from travel and rim speed by Eq (1)")
-        self._leave_out_sideways(columns)
+        # Predictions of side force and vertical moment are compared only in runs with a slip angle. If no run has one,
+        # both channels are left out.
+        if ANGLE not in columns or not bool((np.abs(columns[ANGLE]) > STRAIGHT).any()):
+            for kind in (kind for kind in RIG_CHANNELS if kind.is_sideways and kind.column in columns):
+                del columns[kind.column]
+                columns.pop(sd_column(kind.column), None)
+                self.notes.append(
+                    f"{kind.column} is not used: the {kind.name} is compared only in runs with {ANGLE} above "
+                    f"{STRAIGHT}; add the column {ANGLE}, positive if the wheel travels to its right"
+                )
         self._refuse_missing(columns)
         self._refuse_other_slips(columns["slip"], slip_definition)
         if "sinkage_m" in columns:
@@ -215,22 +218,6 @@ class RigTable:
         # A column without a unit in its name is taken as SI.
         values = self.table.numbers(source.name)
         return values * (scale_to(source.unit, UNITS[column.replace("_sd_", "_")]) if source.unit else 1.0)
-
-    def _leave_out_sideways(self, columns: dict[str, np.ndarray]) -> None:
-        """Remove side force and vertical moment from the columns if no run has a slip angle, and add a note.
-
-        Predictions of these channels are compared only in runs with a slip angle.
-        """
-        if ANGLE in columns and bool((np.abs(columns[ANGLE]) > STRAIGHT).any()):
-            return
-        for kind in RIG_CHANNELS:
-            if kind.is_sideways and kind.column in columns:
-                del columns[kind.column]
-                columns.pop(sd_column(kind.column), None)
-                self.notes.append(
-                    f"{kind.column} is not used: the {kind.name} is compared only in runs with {ANGLE} above "
-                    f"{STRAIGHT}; add the column {ANGLE}, positive if the wheel travels to its right"
-                )
 
     def _refuse_missing(self, columns: Mapping[str, np.ndarray]) -> None:
         """Raise DataError if the table has no slip, no load or no measured channel; the message states how the user can

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 from scipy.optimize import minimize_scalar
 
 from rover_pin.base.errors import DataError
@@ -78,8 +77,22 @@ def read_trials(path: Path, surface: str) -> tuple[Trial, ...]:
     of_wheel = table[table["indenter"].map(str) == chosen]
     rows = of_wheel[column(of_wheel["sinkage_m"], "sinkage_m", where) > MIN_SINKAGE] if len(of_wheel) else of_wheel
     keys = [name for name in ("box", "trial") if name in table]
-    # pandas names a group of several keys by a tuple, whose parts become the name of the trial.
-    return tuple(_trial(", ".join(map(str, name)), rows.loc[group.index], where) for name, group in rows.groupby(keys))
+    trials = []
+    for parts, group in rows.groupby(keys):
+        # pandas names a group of several keys by a tuple, whose parts become the name of the trial.
+        name = ", ".join(map(str, parts))
+        depth, force = (column(rows.loc[group.index, key], key, where) for key in ("sinkage_m", "force_N"))
+        # Values that are too large are in millimetres or kilonewtons.
+        for values, what, limit in ((depth, "sinkage_m", MAX_SINKAGE), (force, "force_N", MAX_FORCE)):
+            if np.abs(values).max() > limit:
+                raise DataError(
+                    f"{where}: {what} of trial {name} reaches {np.abs(values).max():g}; give metres and newtons."
+                )
+        # The force is interpolated to evenly spaced depths; interpolation needs increasing depths.
+        order = np.argsort(depth)
+        even = np.linspace(depth.min(), depth.max(), SAMPLES)
+        trials.append(Trial(name, even, np.interp(even, depth[order], force[order])))
+    return tuple(trials)
 
 
 def declared_trials(document: Mapping[str, Any], folder: Path, where: str, trust: Trust) -> tuple[Trial, ...]:
@@ -95,24 +108,6 @@ def declared_trials(document: Mapping[str, Any], folder: Path, where: str, trust
         return ()
     surface = text_in(table_in(document, "wheel", where), "surface", where)
     return read_trials(trust.within(folder, text_in(files, "penetration", where), where), surface)
-
-
-def _trial(name: str, rows: pd.DataFrame, where: str) -> Trial:
-    """Return one pressing trial with its forces interpolated to evenly spaced depths.
-
-    `rows` are the readings of the trial. Raises DataError if a value is too large to be in metres or newtons.
-    """
-    depth, force = column(rows["sinkage_m"], "sinkage_m", where), column(rows["force_N"], "force_N", where)
-    # Values that are too large are in millimetres or kilonewtons.
-    for values, what, limit in ((depth, "sinkage_m", MAX_SINKAGE), (force, "force_N", MAX_FORCE)):
-        if np.abs(values).max() > limit:
-            raise DataError(
-                f"{where}: {what} of trial {name} reaches {np.abs(values).max():g}; give metres and newtons."
-            )
-    # Interpolation needs increasing depths.
-    order = np.argsort(depth)
-    even = np.linspace(depth.min(), depth.max(), SAMPLES)
-    return Trial(name, even, np.interp(even, depth[order], force[order]))
 
 
 def stiffness(trials: tuple[Trial, ...], wheel: Wheel, n: float) -> float:

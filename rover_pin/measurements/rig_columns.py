@@ -197,8 +197,27 @@ def matches(header: str) -> tuple[Match, ...]:
     """
     readings = tuple(_readings(header))
     exact = tuple(dict.fromkeys(match for name, unit in readings for match in _exact(name, unit)))
-    # If no reading explains every word, part of the name may do. Then the unit must not be read as a word.
-    return exact or tuple(_loose(*readings[0]))
+    if exact:
+        return exact
+    # No reading explains every word. A name that contains the words of exactly one quantity is then a guess, because
+    # its other words are not understood. A word in OTHER_QUANTITY excludes the guess. The unit must not be read as a
+    # word, so only the first reading is used.
+    name, unit = readings[0]
+    tokens, is_set_point, is_spread = _words(name)
+    if set(tokens) & OTHER_QUANTITY or is_spread:
+        return ()
+    candidates: list[RigColumn] = []
+    for column in RIG_COLUMNS:
+        # Phrases that end in a short word, such as "d p", occur by chance in too many names.
+        phrases = [phrase for phrase in _phrases(column.phrases) if len(phrase[-1]) > 2]
+        has_phrase = any(
+            tuple(tokens[at : at + len(phrase)]) == phrase for phrase in phrases for at in range(len(tokens))
+        )
+        if has_phrase and column.unit != "text" and _fits(column, unit, column.needs_unit):
+            candidates.append(column)
+    if len({column.column for column in candidates}) != 1:
+        return ()
+    return (Match(candidates[0].column, unit, True, is_set_point),)
 
 
 def unit_of_wrong_kind(header: str) -> str:
@@ -320,27 +339,6 @@ def _exact(name: str, unit: str) -> Iterator[Match]:
             with_unit = any(symbol in letters for symbol in column.unit_symbols)
             if (plain and _fits(column, unit, False)) or (with_unit and _fits(column, unit, True)):
                 yield Match(target, unit, is_set_point=is_set_point)
-
-
-def _loose(name: str, unit: str) -> Iterator[Match]:
-    """Yield the interpretation of a column name that contains the words of exactly one quantity and some other words.
-
-    Such an interpretation is a guess, because the other words are not understood. A word in OTHER_QUANTITY excludes it.
-    """
-    tokens, is_set_point, is_spread = _words(name)
-    if set(tokens) & OTHER_QUANTITY or is_spread:
-        return
-    candidates: list[RigColumn] = []
-    for column in RIG_COLUMNS:
-        # Phrases that end in a short word, such as "d p", occur by chance in too many names.
-        phrases = [phrase for phrase in _phrases(column.phrases) if len(phrase[-1]) > 2]
-        has_phrase = any(
-            tuple(tokens[at : at + len(phrase)]) == phrase for phrase in phrases for at in range(len(tokens))
-        )
-        if has_phrase and column.unit != "text" and _fits(column, unit, column.needs_unit):
-            candidates.append(column)
-    if len({column.column for column in candidates}) == 1:
-        yield Match(candidates[0].column, unit, True, is_set_point)
 
 
 def _words(name: str) -> tuple[list[str], bool, bool]:

@@ -268,7 +268,15 @@ def read_rig_points(folder: Path, document: Mapping[str, Any], rim_share: float,
         table.attrs[OF_MASSES] = True
     elif "load_N" not in table:
         table = measured_points(points, ("slip", "load_N"))  # refuses, and names the column that may be meant
-    _refuse_other_units(table, points_label)
+    # A known column in another unit or without a unit, such as `sinkage_mm` or `sinkage`, would otherwise be ignored,
+    # as if the channel had not been measured. Column names are therefore compared without their units.
+    columns = ("slip", "load_N", SLOPE, *(kind.column for kind in RIG_CHANNELS))
+    stems = {name.rpartition("_")[0] or name: name for name in columns}
+    for name in map(str, table.columns):
+        stem = name if name in stems else name.rpartition("_")[0]
+        if name not in columns and stem in stems:
+            advice = f"{closest(name, [stems[stem]])} Convert it to SI."
+            raise DataError(f"{points_label}: column '{name}' is not read: {advice}")
     # Slips are completed before they are converted, because missing ones follow from speeds by Eq (1).
     table = _with_slips(table, points_label)
     definition = document.get(SLIP_DEFINITION, PAPER_DEFINITION)
@@ -280,24 +288,33 @@ def read_rig_points(folder: Path, document: Mapping[str, Any], rim_share: float,
         table = table.assign(slip=converted)
         table.attrs[CONVERTED] = f"slip {given[farthest]:.4g} becomes {converted[farthest]:.4g}"
     if SLOPE in table:
-        table = _on_a_slope(table, table_in(document, "noise", where), points_label)
-    return table if rim_share == 1.0 else _at_the_rim(table, rim_share, points_label)
-
-
-def _refuse_other_units(table: pd.DataFrame, where: str) -> None:
-    """Raise DataError if the points have a known column in another unit or without a unit, such as `sinkage_mm` or
-    `sinkage`.
-
-    Such a column would otherwise be ignored, as if the channel had not been measured.
-    """
-    columns = ("slip", "load_N", SLOPE, *(kind.column for kind in RIG_CHANNELS))
-    # Column names without their unit: a column whose stem is known but whose unit differs is a mistake.
-    stems = {name.rpartition("_")[0] or name: name for name in columns}
-    for name in map(str, table.columns):
-        stem = name if name in stems else name.rpartition("_")[0]
-        if name not in columns and stem in stems:
-            expected = stems[stem]
-            raise DataError(f"{where}: column '{name}' is not read: {closest(name, [expected])} Convert it to SI.")
+        # A wheel of weight W that climbs a slope steadily has the load W cos(slope) and the pull W sin(slope).
+        if DrawbarPull.column in table:
+            raise DataError(f"{points_label}: {SLOPE} replaces {DrawbarPull.column}; leave one of the two columns out.")
+        slope, weight = (column(table[name], name, points_label) for name in (SLOPE, "load_N"))
+        if np.max(np.abs(slope)) > MAX_SLOPE:
+            raise DataError(
+                f"{points_label}: {SLOPE} reaches {np.max(np.abs(slope)):g}; give radians, positive uphill."
+            )
+        sd = table.get("slope_sd_rad")
+        table = table.assign(load_N=weight * np.cos(slope), **{DrawbarPull.column: weight * np.sin(slope)})
+        # The SD of the slope becomes an SD of the pull: d(W sin s) = W cos(s) ds. [noise] may state it for all runs.
+        noise = table_in(document, "noise", where)
+        if "slope" in noise:
+            sd = number_si(noise["slope"], "rad", f"{points_label}: noise of slope")
+        if sd is not None:
+            table = table.assign(drawbar_pull_sd_N=weight * np.cos(slope) * sd)
+    if rim_share != 1.0:
+        # Slips at the tips of the lugs become slips at the rim, whose radius is rim_share times the stated radius. Slip
+        # fixes the ratio of rim to travel speed. The rim speed is reduced to the rim's radius, and the slip follows
+        # anew.
+        slip = column(table["slip"], "slip", points_label)
+        slips(slip, "slip", points_label)
+        rim, travel = rim_and_travel(slip)
+        table = table.assign(slip=slip_ratios(rim_share * rim, travel))
+        if "rim_speed_mps" in table:
+            table = table.assign(rim_speed_mps=rim_share * table["rim_speed_mps"])
+    return table
 
 
 def _with_slips(table: pd.DataFrame, where: str) -> pd.DataFrame:
@@ -323,41 +340,6 @@ def _with_slips(table: pd.DataFrame, where: str) -> pd.DataFrame:
     converted = table.assign(slip=np.where(empty, slip_ratios(rim, travel * np.cos(angle)), slip))
     converted.attrs[OF_SPEEDS] = int(empty.sum())
     return converted
-
-
-def _on_a_slope(table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> pd.DataFrame:
-    """Return the table of points with the load and the pull of a wheel that climbs a slope steadily.
-
-    A wheel of weight W on a slope has the load W cos(slope) and the pull W sin(slope). `noise` is the table [noise] of
-    rig.toml, which may state the SD of the slope.
-    """
-    if DrawbarPull.column in table:
-        raise DataError(f"{where}: {SLOPE} replaces {DrawbarPull.column}; leave one of the two columns out.")
-    slope, weight = column(table[SLOPE], SLOPE, where), column(table["load_N"], "load_N", where)
-    if np.max(np.abs(slope)) > MAX_SLOPE:
-        raise DataError(f"{where}: {SLOPE} reaches {np.max(np.abs(slope)):g}; give radians, positive uphill.")
-    converted = table.assign(load_N=weight * np.cos(slope), **{DrawbarPull.column: weight * np.sin(slope)})
-    # The SD of the slope becomes an SD of the pull: d(W sin s) = W cos(s) ds.
-    sd = number_si(noise["slope"], "rad", f"{where}: noise of slope") if "slope" in noise else table.get("slope_sd_rad")
-    return converted if sd is None else converted.assign(drawbar_pull_sd_N=weight * np.cos(slope) * sd)
-
-
-def _at_the_rim(table: pd.DataFrame, share: float, where: str) -> pd.DataFrame:
-    """Return the table of points with slips and rim speeds converted from the tips of the lugs to the rim.
-
-    The radius of the rim is `share` times the stated radius.
-    """
-    slip = column(table["slip"], "slip", where)
-    slips(slip, "slip", where)
-    # Slip fixes the ratio of rim to travel speed. The rim speed is reduced to the rim's radius, and the slip follows
-    # anew.
-    rim, travel = rim_and_travel(slip)
-    converted = table.assign(slip=slip_ratios(share * rim, travel))
-    return (
-        converted.assign(rim_speed_mps=share * converted["rim_speed_mps"])
-        if "rim_speed_mps" in converted
-        else converted
-    )
 
 
 DECLARED_SD, UNDECLARED_SD = 0.35, 0.7

@@ -179,7 +179,18 @@ def _speeds(table: pd.DataFrame, data: RigSet, where: str) -> np.ndarray | None:
     if not measured_speeds:
         return None
     if len(measured_speeds) == 1:
-        return _by_slip(measured_speeds, slip, angle, where)
+        # Eq (1) fixes the ratio of both speeds; the measured speed gives the scale. A speed of 0 at the slip of a run
+        # does not determine the other speed.
+        ((name, speed),) = measured_speeds.items()
+        rim, travel = rim_and_travel(slip)
+        speed, share = (speed * np.cos(angle), travel) if name == SPEEDS[0] else (speed, rim)
+        if np.min(share) < STANDS:
+            row = int(np.argmin(share))
+            raise DataError(
+                f"{where}: row {row + 1} has slip {slip[row]:.3g}. At this slip {name} is 0, so it does not determine "
+                "the other speed: give columns of both speeds."
+            )
+        return np.column_stack([travel, rim]) * (speed / share)[:, None]
     # With both speeds, the slip is determined twice; a contradiction means a wrong unit or sign.
     travel, rim = measured_speeds[SPEEDS[0]] * np.cos(angle), measured_speeds[SPEEDS[1]]
     S = slip_ratios(rim, travel)
@@ -193,25 +204,6 @@ def _speeds(table: pd.DataFrame, data: RigSet, where: str) -> np.ndarray | None:
             "units and signs of slip, rim_speed_mps and travel_speed_mps."
         )
     return np.column_stack([travel, rim])
-
-
-def _by_slip(measured_speeds: Mapping[str, np.ndarray], slip: np.ndarray, angle: np.ndarray, where: str) -> np.ndarray:
-    """Return travel and rim speed [m/s] (runs, 2), computed by Eq (1) of the paper from the slip and the one speed that
-    was measured.
-
-    Raises DataError if the measured speed is 0 at the slip of a run, so that it does not determine the other speed.
-    """
-    ((name, speed),) = measured_speeds.items()
-    # Eq (1) fixes the ratio of both speeds; the measured one gives the scale.
-    rim, travel = rim_and_travel(slip)
-    speed, share = (speed * np.cos(angle), travel) if name == SPEEDS[0] else (speed, rim)
-    if np.min(share) < STANDS:
-        row = int(np.argmin(share))
-        raise DataError(
-            f"{where}: row {row + 1} has slip {slip[row]:.3g}. At this slip {name} is 0, so it does not determine the "
-            "other speed: give columns of both speeds."
-        )
-    return np.column_stack([travel, rim]) * (speed / share)[:, None]
 
 
 def _reading_findings(

@@ -152,7 +152,12 @@ class _Run:
             # in the direction t moves by v |t_xy| over the map.
             ahead = ahead * [1.0, 1.0, 0.0] / np.sum(ahead[:, :2] ** 2, axis=1)[:, None]
         # Moving links turn the wheels about their axles and shift their centres, which adds to rim and travel speed.
-        mounts = [self._mounts(row) for row in rows]
+        # Rotation and centre of each wheel relative to the body's position, at the row of each window.
+        mounts = []
+        for row in rows:
+            attitude = (float(self.roll[row]), float(self.pitch[row]), float(self.yaw[row]))
+            angles = {name: float(values[row]) for name, values in self.angles.items()}
+            mounts.append(wheel_mounts(self.rover, configuration(self.rover, attitude, angles)))
         turned = turning([rotations for rotations, _ in mounts], axles)
         centres = self.place[rows][:, None] + np.array([places for _, places in mounts])
         rates = [line(t, self.rate[rows, i]) for i in range(len(self.rover.wheels))]
@@ -188,12 +193,6 @@ class _Run:
         together = determinate_groups(self.rover, foot, jacobians)
         groups = [[windows[i] for i in group] for group in together if all(i in windows for i in group)]
         return [pool(group) for group in groups if np.ptp([window.slip for window in group]) <= steady.slip_spread]
-
-    def _mounts(self, row: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rotation and the centre of each wheel relative to the body's position, at one row of the log."""
-        attitude = (float(self.roll[row]), float(self.pitch[row]), float(self.yaw[row]))
-        angles = {name: float(values[row]) for name, values in self.angles.items()}
-        return wheel_mounts(self.rover, configuration(self.rover, attitude, angles))
 
 
 def pool(group: Sequence[Window]) -> Window:
