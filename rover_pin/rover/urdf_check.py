@@ -84,15 +84,38 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
         return UrdfReport(path.name, (str(error),), (), ())
     problems = faults_of(tree, text, layout)
     loads = layout is not None and not problems
-    # Only a rover without faults can be assembled, and only then can its balance be computed.
+    # Only a rover without faults can be assembled, and only then can its balance on level ground at zero joint angles
+    # be computed. If a small slope already destroys the balance, the balance is unstable, and the rover does not stand.
     if layout is not None and loads:
-        problems = list(_standing_faults(layout))
+        rover = assemble(layout)
+        try:
+            level, *_ = (wheel_loads(rover, slope) for slope in (0.0, STABILITY_SLOPE, -STABILITY_SLOPE))
+        except ParameterError as error:
+            problems = [str(error)]
+        else:
+            lifted = [wheel.name for wheel, load in zip(rover.wheels, level, strict=True) if load <= 0.0]
+            if lifted:
+                problems = [
+                    f"at rest on level ground wheel{'s' * (len(lifted) > 1)} {', '.join(lifted)} would have to be held "
+                    f"down ({float(np.min(level)):.3g} N), so that the rover tips over; move its wheels, or move its "
+                    "masses between the wheels."
+                ]
     if problems:
         return UrdfReport(path.name, _fold_sentences(tree.file, problems), (), (), loads)
     model = free_tree(text)
     folder = path.parent if layout is None else urdf_folder(path)
     notes = _fold_sentences(tree.file, list(_notes(tree, layout, model, folder)))
-    return UrdfReport(path.name, (), notes, tuple(_facts(tree, model, layout)), loads)
+    # The facts are sentences that a user can compare with the real rover: mass, size, and the roles of the joints.
+    mass = sum(body.mass for body in model.inertias)
+    facts = [f"{mass:.4g} kg, joints {across(model):.3g} m across, {model.nv} degrees of freedom"]
+    if layout is None:
+        facts.append("joints that turn fully: " + ", ".join(joint.name for joint in tree.joints if joint.turns_fully))
+    else:
+        facts.append(f"{len(layout.wheel_joints)} wheels: " + ", ".join(layout.wheel_joints))
+        facts.append("differential: " + (" and ".join(layout.differential) if layout.differential else "none"))
+        followers = tree.followers(layout.differential)
+        facts += [f"{name} = {mimic.multiplier:g} {mimic.joint}" for name, mimic in followers]
+    return UrdfReport(path.name, (), notes, tuple(facts), loads)
 
 
 def _fold_sentences(file: str, sentences: list[str]) -> tuple[str, ...]:
@@ -112,27 +135,6 @@ def _fold_sentences(file: str, sentences: list[str]) -> tuple[str, ...]:
         names = [match.group() for sentence in others if (match := re.search(r"'[^']*'", sentence))]
         merged.append(f"{file}: {first}" + (f" Likewise {', '.join(dict.fromkeys(names))}." if names else ""))
     return tuple(merged)
-
-
-def _standing_faults(layout: Layout) -> Iterator[str]:
-    """Yield the reason why the rover has no equilibrium on level ground at zero joint angles; nothing if it has one.
-
-    If a small slope already destroys the balance, the balance is unstable, and counts as none.
-    """
-    rover = assemble(layout)
-    # The balance is computed on level ground and on two small slopes, which show whether it is stable.
-    try:
-        loads, *_ = (wheel_loads(rover, slope) for slope in (0.0, STABILITY_SLOPE, -STABILITY_SLOPE))
-    except ParameterError as error:
-        yield str(error)
-        return
-    lifted = [wheel.name for wheel, load in zip(rover.wheels, loads, strict=True) if load <= 0.0]
-    if lifted:
-        yield (
-            f"at rest on level ground wheel{'s' * (len(lifted) > 1)} {', '.join(lifted)} would have to be held down "
-            f"({float(np.min(loads)):.3g} N), so that the rover tips over; move its wheels, or move its masses between "
-            "the wheels."
-        )
 
 
 def _notes(tree: UrdfTree, layout: Layout | None, model: pin.Model, folder: Path) -> Iterator[str]:
@@ -193,16 +195,3 @@ def _name_notes(layout: Layout, tree: UrdfTree) -> Iterator[str]:
             words = ", ".join(f"'{names[i]}' at the {place_words(centres[i], centres.mean(axis=0))}" for i in wrong)
             yield f"the TOML puts {words}, which contradicts the names: check [wheels] and base_rpy."
             return
-
-
-def _facts(tree: UrdfTree, model: pin.Model, layout: Layout | None) -> Iterator[str]:
-    """Yield sentences that a user can compare with the real rover: mass, size, and the roles of the joints."""
-    mass = sum(body.mass for body in model.inertias)
-    yield f"{mass:.4g} kg, joints {across(model):.3g} m across, {model.nv} degrees of freedom"
-    if layout is None:
-        yield "joints that turn fully: " + ", ".join(joint.name for joint in tree.joints if joint.turns_fully)
-        return
-    yield f"{len(layout.wheel_joints)} wheels: " + ", ".join(layout.wheel_joints)
-    yield "differential: " + (" and ".join(layout.differential) if layout.differential else "none")
-    for name, mimic in tree.followers(layout.differential):
-        yield f"{name} = {mimic.multiplier:g} {mimic.joint}"

@@ -190,7 +190,24 @@ def _hold_joints(robot: _Robot, forms: JointForms) -> Iterator[str]:
     for name in forms.held_joints:
         robot.joint_element(name, "[held]")
     tree = robot.tree
-    values = {name: _held_value(tree.joint(name), entry, robot.file) for name, entry in forms.held_joints.items()}
+    # Each held joint gets its angle [rad] or travel [m], which must lie between its stops.
+    values: dict[str, float] = {}
+    for name, entry in forms.held_joints.items():
+        joint = tree.joint(name)
+        assert joint is not None
+        unit, where = "m" if joint.kind == "prismatic" else "rad", f"{robot.file}: held joint '{name}'"
+        try:
+            if isinstance(entry, Mapping):
+                refuse_strange(entry, where)
+            value = to_si(*value_and_unit(entry, unit), unit, where)
+        except ParameterError as error:
+            raise UrdfError(str(error)) from error
+        low, high = joint.limits
+        if joint.limited and joint.kind != "continuous" and not low - 1e-6 <= value <= high + 1e-6:
+            raise UrdfError(
+                f"{where} = {value:g} {unit} is beyond its stops; hold it within [{low:g}, {high:g}] {unit}."
+            )
+        values[name] = value
     # A chain of followers has as many members as there are joints or fewer, so that this many passes reach its end.
     for _ in tree.joints:
         for joint in tree.joints:
@@ -204,27 +221,6 @@ def _hold_joints(robot: _Robot, forms: JointForms) -> Iterator[str]:
         yield f"{len(values)} joints are held: " + ", ".join(
             f"'{name}' at {value:.3g}" for name, value in values.items()
         )
-
-
-def _held_value(joint: Joint | None, entry: Any, file: str) -> float:
-    """Return the angle [rad] or travel [m] at which a joint is held, from its `entry` in the table [held] of the TOML.
-
-    Raises UrdfError: the entry is not a number of the right unit, or the number lies beyond the joint's stops.
-    """
-    assert joint is not None
-    # The entry is a number in the joint's SI unit, or a table with a unit.
-    unit, where = "m" if joint.kind == "prismatic" else "rad", f"{file}: held joint '{joint.name}'"
-    try:
-        if isinstance(entry, Mapping):
-            refuse_strange(entry, where)
-        value = to_si(*value_and_unit(entry, unit), unit, where)
-    except ParameterError as error:
-        raise UrdfError(str(error)) from error
-    # A held joint must be at an angle that the real joint can have.
-    low, high = joint.limits
-    if joint.limited and joint.kind != "continuous" and not low - 1e-6 <= value <= high + 1e-6:
-        raise UrdfError(f"{where} = {value:g} {unit} is beyond its stops; hold it within [{low:g}, {high:g}] {unit}.")
-    return value
 
 
 def _fix(element: ET.Element, joint: Joint, value: float) -> None:

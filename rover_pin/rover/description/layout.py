@@ -385,9 +385,21 @@ def read_forms(
     tied = table.get("tied_sides", False)
     if not isinstance(tied, bool):
         raise UrdfError(f"{where}: tied_sides = {tied!r} must be true (the wheels of a side turn together) or false.")
-    coupled = {
-        name: _leader(entry, f"{where}: coupled.{name}") for name, entry in part_of(table, "coupled", where).items()
-    }
+    # Each coupled joint follows another joint, with the ratio of their angles.
+    coupled: dict[str, tuple[str, float]] = {}
+    for name, entry in part_of(table, "coupled", where).items():
+        place = f"{where}: coupled.{name}"
+        link = entry if isinstance(entry, Mapping) else {"joint": entry}
+        for key in link:
+            if key not in ("joint", "ratio"):
+                raise UrdfError(f"{place} has no key '{key}': {closest(key, ('joint', 'ratio'))}")
+        joint, ratio = link.get("joint"), link.get("ratio", 1.0)
+        number = not isinstance(ratio, bool) and isinstance(ratio, (int, float))
+        if not isinstance(joint, str) or not number or not 1e-6 <= abs(as_float(ratio)) <= 1e6:
+            raise UrdfError(
+                f'{place} = {entry!r} must name the joint that it follows: {{ joint = "rocker_l", ratio = -0.5 }}.'
+            )
+        coupled[name] = joint, float(ratio)
     wheels = tuple(joint for axle in axles for joint in axle.wheels)
     steering = tuple(joint for axle in axles for joint in axle.steering if joint is not None)
     # A coupled joint that is neither wheel nor steering moves with the suspension, so that it is a pivot.
@@ -397,6 +409,16 @@ def read_forms(
     cut = table.get("cut", [])
     if not isinstance(cut, (list, tuple)) or not all(isinstance(name, str) for name in cut):
         raise UrdfError(f"{where}: cut = {cut!r} must be a list of joint names.")
+    # Roll, pitch and yaw of the base link. An angle beyond a full turn is probably in degrees.
+    given, place = table.get("base_rpy", (0.0, 0.0, 0.0)), f"{where}: base_rpy"
+    angles = given if isinstance(given, (list, tuple)) else ()
+    if len(angles) != 3 or any(isinstance(angle, bool) or not isinstance(angle, (int, float)) for angle in angles):
+        raise UrdfError(f"{place} = {given!r} must be roll, pitch and yaw in radians, for example [3.14159, 0.0, 0.0].")
+    roll, pitch, yaw = (as_float(angle) for angle in angles)
+    if not max(abs(roll), abs(pitch), abs(yaw)) <= 2.0 * math.pi:
+        raise UrdfError(
+            f"{place} = {given!r} must be angles within a full turn, in radians, for example [3.14159, 0, 0]."
+        )
     return JointForms(
         base=str(table["base"]),
         wheels=wheels,
@@ -407,7 +429,7 @@ def read_forms(
         held_joints=dict(part_of(table, "held", where)),
         coupled=coupled,
         cut=tuple(cut),
-        base_rpy=_rpy(table.get("base_rpy", (0.0, 0.0, 0.0)), f"{where}: base_rpy"),
+        base_rpy=(roll, pitch, yaw),
     )
 
 
@@ -473,37 +495,3 @@ def record_of(kind: Any, entry: Mapping[str, Any], where: str) -> Any:
         return record_from(kind, entry, where)
     except ParameterError as error:
         raise UrdfError(str(error)) from error
-
-
-def _leader(entry: Any, where: str) -> tuple[str, float]:
-    """Return the joint that a coupled joint follows, and the ratio of their angles, from an entry of the table
-    [coupled].
-    """
-    table = entry if isinstance(entry, Mapping) else {"joint": entry}
-    for key in table:
-        if key not in ("joint", "ratio"):
-            raise UrdfError(f"{where} has no key '{key}': {closest(key, ('joint', 'ratio'))}")
-    joint, ratio = table.get("joint"), table.get("ratio", 1.0)
-    number = not isinstance(ratio, bool) and isinstance(ratio, (int, float))
-    if not isinstance(joint, str) or not number or not 1e-6 <= abs(as_float(ratio)) <= 1e6:
-        raise UrdfError(
-            f'{where} = {entry!r} must name the joint that it follows: {{ joint = "rocker_l", ratio = -0.5 }}.'
-        )
-    return joint, float(ratio)
-
-
-def _rpy(value: Any, where: str) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw [rad] from an entry of the TOML.
-
-    Raises UrdfError: the entry is no list of three numbers, or an angle exceeds a full turn, because it is then
-    probably in degrees.
-    """
-    numbers = value if isinstance(value, (list, tuple)) else ()
-    if len(numbers) != 3 or any(isinstance(number, bool) or not isinstance(number, (int, float)) for number in numbers):
-        raise UrdfError(f"{where} = {value!r} must be roll, pitch and yaw in radians, for example [3.14159, 0.0, 0.0].")
-    roll, pitch, yaw = (as_float(number) for number in numbers)
-    if not max(abs(roll), abs(pitch), abs(yaw)) <= 2.0 * math.pi:
-        raise UrdfError(
-            f"{where} = {value!r} must be angles within a full turn, in radians, for example [3.14159, 0, 0]."
-        )
-    return roll, pitch, yaw

@@ -16,16 +16,7 @@ from rover_pin.rover.description.faults import missing_links, name_faults
 from rover_pin.rover.description.joint_forms import ALONG
 from rover_pin.rover.description.meshes import mesh_file
 from rover_pin.rover.description.tree import Joint, UrdfTree
-from rover_pin.rover.proposal.frames import (
-    FRAMES,
-    Frame,
-    NamedPlace,
-    Rpy,
-    contradictions,
-    named_places,
-    place_words,
-    rotation,
-)
+from rover_pin.rover.proposal.frames import FRAMES, Frame, Rpy, contradictions, named_places, place_words, rotation
 from rover_pin.rover.proposal.parts import GuessedAxle, GuessedWheel, Proposal, Topology
 from rover_pin.rover.proposal.suspension import add_suspension
 from rover_pin.rover.proposal.wheel_shape import WheelSize, wheel_size
@@ -88,8 +79,18 @@ def propose(tree: UrdfTree, folder: Path, front: str = "", size: WheelSize | Non
     # axes.
     faults = faults or list(axis_against_drawing(tree, might_be_wheels(tree)))
     view = Topology(tree)
-    if not faults:
-        faults = list(_axis_against_mesh(view, folder))
+    # A joint without an `<axis>` turns about x. It has a fault if the mesh of its link is round about another axis.
+    for joint in [] if faults else leaves(view):
+        if joint.axis_written or wheel_size(tree, joint, folder, drawn_only=True) is not None:
+            continue
+        for axis in np.eye(3):
+            drawn = wheel_size(tree, joint._replace(axis=axis), folder, drawn_only=True)
+            if drawn is not None:
+                faults.append(
+                    f"joint '{joint.name}' has no <axis>, so that the joint turns about x, but {drawn.source} is "
+                    f"round about {'xyz'[int(np.argmax(axis))]}: write the <axis> in the joint."
+                )
+                break
     if faults:
         more = f" ({len(faults) - 1} more of this kind.)" if len(faults) > 1 else ""
         raise UrdfError(f"{tree.file}: {faults[0]}{more}")
@@ -109,22 +110,6 @@ def propose(tree: UrdfTree, folder: Path, front: str = "", size: WheelSize | Non
     proposal = Proposal(view.base, option.frame.rpy, tuple(option.axles))
     proposal.reasons |= {"base_rpy": option.frame.words, "front": reason}
     return add_suspension(view, proposal)
-
-
-def _axis_against_mesh(view: Topology, folder: Path) -> Iterator[str]:
-    """Yield a fault for each joint without an `<axis>`, which therefore turns about x, if the mesh of its link is round
-    about another axis.
-    """
-    for joint in leaves(view):
-        if not joint.axis_written and wheel_size(view.tree, joint, folder, drawn_only=True) is None:
-            for axis in np.eye(3):
-                size = wheel_size(view.tree, joint._replace(axis=axis), folder, drawn_only=True)
-                if size is not None:
-                    yield (
-                        f"joint '{joint.name}' has no <axis>, so that the joint turns about x, but {size.source} is "
-                        f"round about {'xyz'[int(np.argmax(axis))]}: write the <axis> in the joint."
-                    )
-                    break
 
 
 def _no_axles(view: Topology, folder: Path, candidates: list[tuple[Joint, WheelSize]], front: str) -> str:
@@ -191,8 +176,18 @@ def _front(view: Topology, options: list[Option], front: str) -> tuple[Option, s
             f"No wheel's name states the front: {first.frame.forward} of link '{view.base}' is taken as forward. "
             "--front=-x takes the other end."
         )
-    # A choice of axes is accepted if no wheel's name contradicts its position.
-    wrong = {option.frame: _wrong_names(option, list(names), places) for option in options}
+    # A choice of axes is accepted if no wheel's name contradicts its position. For each option, the wheels whose names
+    # contradict their positions are listed, each with its position in words.
+    joints, wrong = list(names), {}
+    for option in options:
+        centres = {wheel.joint: wheel.centre for axle in option.axles for wheel in axle.wheels}
+        if set(centres) != set(joints):
+            wrong[option.frame] = ["other joints are wheels"]
+            continue
+        array = np.array([centres[joint] for joint in joints])
+        against = sorted({i for named in places for i in contradictions(named, array)})
+        middle = array.mean(axis=0)
+        wrong[option.frame] = [f"'{joints[i]}' lies at the {place_words(array[i], middle)}" for i in against]
     for option in options:
         # Names alone do not turn a rover upside down: the centre of mass must lie below the wheels' centres as well.
         same_up = option.frame.up == first.frame.up or height_over_wheels(view, first.axles, first.frame.rpy) < 0.0
@@ -205,27 +200,6 @@ def _front(view: Topology, options: list[Option], front: str) -> tuple[Option, s
         f"forward? Answer with --front={nearest.frame.forward} (or another of +x, -x, +y, -y), or correct the names or "
         "the origins."
     )
-
-
-def _wrong_names(option: Option, joints: list[str], places: list[list[NamedPlace]]) -> list[str]:
-    """Return, for each wheel whose name contradicts its position, a text with its name and its position. `option` is
-    the choice of the rover's axes.
-
-    Parameters
-    ----------
-    option : Option
-        The choice of the rover's axes, with the axles.
-    joints : list of str
-        Names of the wheels' joints.
-    places : list of lists of NamedPlace
-        Ends and sides that the names of the joints state, and those that the names of their links state.
-    """
-    centres = {wheel.joint: wheel.centre for axle in option.axles for wheel in axle.wheels}
-    if set(centres) != set(joints):
-        return ["other joints are wheels"]
-    array = np.array([centres[joint] for joint in joints])
-    wrong = sorted({i for named in places for i in contradictions(named, array)})
-    return [f"'{joints[i]}' lies at the {place_words(array[i], array.mean(axis=0))}" for i in wrong]
 
 
 def leaves(view: Topology) -> list[Joint]:

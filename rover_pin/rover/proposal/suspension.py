@@ -83,13 +83,19 @@ def _named_pivots(
     wheels = [*sides[0], *sides[1]]
     of_left = [pivot for pivot in pivots if set(view.below(pivot.name, wheels)) <= sides[0]]
     of_right = [pivot for pivot in pivots if set(view.below(pivot.name, wheels)) <= sides[1]]
+    r, rpy = proposal.wheels[0].size.r, proposal.base_rpy
     used: list[str] = []
     for left in of_left:
-        right = _partner(view, proposal, left, of_right)
-        if right is None:
+        # The partner on the right side lies opposite, and the same number of joints carries it.
+        depth = len(view.ancestors(left.name))
+        opposite = [pivot for pivot in of_right if len(view.ancestors(pivot.name)) == depth]
+        offsets = [view.centre(pivot, rpy) - view.centre(left, rpy) for pivot in opposite]
+        distances = [float(np.hypot(*offset[[0, 2]])) for offset in offsets]
+        if not distances or min(distances) > MAX_OFFSET * r:
             proposal.held_joints[left.name] = _rest_value(left)
             proposal.reasons[left.name] = "it carries wheels but has no partner on the other side"
             continue
+        right = opposite[int(np.argmin(distances))]
         # A rocker carries other pivots, and another pivot carries a bogie. Any other pivot is called arm for now:
         # `_find_differential` shows whether the arms carry all wheels of their sides, and are then rockers.
         names = [member.name for member in of_left]
@@ -109,20 +115,6 @@ def _named_pivots(
         used.append("cross")
         proposal.reasons[middle.name] = "it carries wheels of both sides"
         yield "cross" + (str(used.count("cross")) if used.count("cross") > 1 else ""), [middle]
-
-
-def _partner(view: Topology, proposal: Proposal, left: Joint, others: list[Joint]) -> Joint | None:
-    """Return the pivot on the right side that belongs to a left pivot: it lies opposite, and an equal number of joints
-    carries it. If `others`, the pivots on the right side, contain no such pivot, the result is None.
-    """
-    r, rpy = proposal.wheels[0].size.r, proposal.base_rpy
-    candidates = [
-        candidate for candidate in others if len(view.ancestors(candidate.name)) == len(view.ancestors(left.name))
-    ]
-    distances = [
-        float(np.hypot(*(view.centre(candidate, rpy) - view.centre(left, rpy))[[0, 2]])) for candidate in candidates
-    ]
-    return candidates[int(np.argmin(distances))] if distances and min(distances) <= MAX_OFFSET * r else None
 
 
 def _other_half(view: Topology, proposal: Proposal, joint: Joint, wheels: list[str]) -> bool:
