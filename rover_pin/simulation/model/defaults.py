@@ -12,7 +12,7 @@ import numpy as np
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.quantity import record_from
-from rover_pin.contact import Soil, Wheel
+from rover_pin.contact import Soil
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.parameters import NEXUS6_WHEEL, SLOPE_SAND, TABLE_1, name_of, soil_named
 from rover_pin.parameters.bekker import at_width, from_bekker
@@ -210,9 +210,24 @@ def own_soil(rover: Rover, name: str = "", default: Soil = TABLE_1) -> Selection
         constants = from_bekker(constants, b, where)
         declared_soil = record_from(type(named), constants, where)
         return Selection(soil.replace(**{key: getattr(declared_soil, key) for key in constants}))
-    # Nothing is named: make the default soil firm enough for the wheel that needs it most.
-    load = rover.mass * EARTH / len(rover.wheels)
-    k_1 = max(_firm_enough(mount.wheel, default, load) for mount in rover.wheels)
+    # Nothing is named: make the default soil firm enough for the wheel that needs it most. The normal force f_n at S =
+    # 0 and theta_1 is linear in k_1, so two values of k_1 give the straight line f_n(k_1), which is solved for the
+    # load.
+    load, k_1 = rover.mass * EARTH / len(rover.wheels), 0.0
+    for wheel in (mount.wheel for mount in rover.wheels):
+        forces = [
+            float(wheel_forces(0.0, default.theta_1, default.theta_2, wheel, default.replace(k_1=trial)).f_n)
+            for trial in (1e4, 1e6)
+        ]
+        slope = (forces[1] - forces[0]) / (1e6 - 1e4)
+        needed = 1e4 + (load - forces[0]) / slope
+        if not 0.0 < needed < 1e9:
+            raise ParameterError(
+                "A default soil cannot be derived for this rover, because no soil constant k_1 below 1e9 Pa carries "
+                f"{load:.3g} N on a wheel of r = {float(wheel.r):g} m and b = {float(wheel.b):g} m: name a soil, in "
+                "[soil] of the rover's TOML or with --soil."
+            )
+        k_1 = max(k_1, needed)
     sand = f"{name_of(default)} with k = {1e3 * float(default.k):.3g} mm and k_1 = {k_1:.3g} Pa"
     return Selection(
         default.replace(k_1=k_1),
@@ -221,22 +236,3 @@ def own_soil(rover: Rover, name: str = "", default: Soil = TABLE_1) -> Selection
             f"{math.degrees(float(default.theta_1)):.0f} deg, as the wheels of Nexus 6 do",
         ),
     )
-
-
-def _firm_enough(wheel: Wheel, soil: Soil, load: float) -> float:
-    """Return the soil constant k_1 [Pa] of a soil that carries the load [N] under a wheel at the slip S = 0 and at the
-    soil's own entry angle theta_1. The normal force f_n is linear in k_1, so that two evaluations give the result.
-    """
-    # Two values of k_1 give the straight line f_n(k_1), which is solved for the load.
-    forces = [
-        float(wheel_forces(0.0, soil.theta_1, soil.theta_2, wheel, soil.replace(k_1=k_1)).f_n) for k_1 in (1e4, 1e6)
-    ]
-    slope = (forces[1] - forces[0]) / (1e6 - 1e4)
-    k_1 = 1e4 + (load - forces[0]) / slope
-    if not 0.0 < k_1 < 1e9:
-        raise ParameterError(
-            "A default soil cannot be derived for this rover, because no soil constant k_1 below 1e9 Pa carries "
-            f"{load:.3g} N on a wheel of r = {float(wheel.r):g} m and b = {float(wheel.b):g} m: name a soil, in "
-            "[soil] of the rover's TOML or with --soil."
-        )
-    return k_1

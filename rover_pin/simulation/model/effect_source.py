@@ -148,8 +148,14 @@ class EffectSource:
     @property
     def text(self) -> str:
         """Content of the effect's file: Python code in UTF-8, which the program itself never executes."""
-        # The bodies of the hooks are indented below their `def` lines.
-        members = [_hook_head(self.base, hook) + textwrap.indent(code, " " * 8) for hook, code in self.hooks.items()]
+        # The `def` line and the docstring of each hook are copied from the base class. The statement after the
+        # docstring is the default of the base class; the code of the hook takes its place, indented below the `def`
+        # line.
+        members = []
+        for hook, code in self.hooks.items():
+            lines = inspect.getsource(getattr(self.base, hook)).splitlines(keepends=True)
+            default = ast.parse(textwrap.dedent("".join(lines))).body[0].body[1]  # type: ignore[attr-defined]
+            members.append("".join(lines[: default.lineno - 1]) + textwrap.indent(code, " " * 8))
         helpers = [inspect.getsource(helper).rstrip() for helper in self.helpers]
         head = HEAD.format(
             summary=python_docstring(self.summary),
@@ -275,16 +281,6 @@ def first_version(name: str, acts: str) -> EffectSource:
         {coefficients[0].name: 0.0},
         {hook: scalars + code},
     )
-
-
-def _hook_head(base: type[AnyEffect], hook: str) -> str:
-    """Return the `def` line and the docstring of a hook, copied from the base class `base`. In the effect's file, the
-    code of the hook follows below these lines.
-    """
-    lines = inspect.getsource(getattr(base, hook)).splitlines(keepends=True)
-    # The statement after the docstring is what the base class returns by default; the file's code stands in its place.
-    default = ast.parse(textwrap.dedent("".join(lines))).body[0].body[1]  # type: ignore[attr-defined]
-    return "".join(lines[: default.lineno - 1])
 
 
 def _literal(text: str) -> str:

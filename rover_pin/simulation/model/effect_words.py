@@ -9,7 +9,6 @@ from typing import Any
 from rover_pin.base.errors import DataError, ParameterError, closest
 from rover_pin.base.quantity import check, parse_quantity, quantities, written_unit
 from rover_pin.base.trust import Trust
-from rover_pin.rover.rover import Rover
 from rover_pin.simulation.model.effect_files import (
     BASES,
     NO_FIELDS,
@@ -133,9 +132,21 @@ def effect_of(word: str, model: Model, kinds: Mapping[str, type[AnyEffect]] | No
     effect = reading_traction(kinds[name](), model.all_effects)
     # The owner decides which effect of the model the word changes, so it is set first.
     owners = [field for field in OWNERS if field in texts and hasattr(effect, field)]
+    names = [wheel.name for wheel in model.rover.wheels]
     for field in owners:
-        effect = effect.replace(**{field: _owner(word, texts.pop(field), getattr(effect, field), model.rover)})
-    # An effect that the model already has is changed; otherwise, the new effect with its defaults is.
+        # The owner is the wheel, the channel or the joint at which the effect acts. It has the type of the field's
+        # default: a name, or the index of a wheel.
+        text = texts.pop(field)
+        owner: str | int
+        if isinstance(getattr(effect, field), str):
+            owner = names[int(text)] if text.isdigit() and int(text) < len(names) else text
+        elif text in names:
+            owner = names.index(text)
+        elif text.isdigit():
+            owner = int(text)
+        else:
+            raise ParameterError(f"{word}: the rover has no wheel '{text}': {closest(text, names)}")
+        effect = effect.replace(**{field: owner})
     effect = next((present for present in model.all_effects if same_place(present, effect)), effect)
     values = dict(_value(word, effect, field, text) for field, text in texts.items())
     try:
@@ -152,20 +163,6 @@ def _pair(word: str, part: str) -> tuple[str, str]:
     if not (field and sign and text):
         raise ParameterError(f"{word}: '{part}' sets no field: {FORM}.")
     return field, text
-
-
-def _owner(word: str, text: str, default: Any, rover: Rover) -> Any:
-    """Return the owner of an effect, which is the wheel, the channel or the joint at which the effect acts, from a
-    text. The result has the type of the field's `default`: a name, or the index of a wheel.
-    """
-    names = [wheel.name for wheel in rover.wheels]
-    if isinstance(default, str):
-        return names[int(text)] if text.isdigit() and int(text) < len(names) else text
-    if text in names:
-        return names.index(text)
-    if not text.isdigit():
-        raise ParameterError(f"{word}: the rover has no wheel '{text}': {closest(text, names)}")
-    return int(text)
 
 
 def _value(word: str, effect: AnyEffect, field: str, text: str) -> tuple[str, Any]:

@@ -86,7 +86,17 @@ def c_source(function: ca.Function, shared: Sequence[int] = ()) -> str:
         The function uses an operation that lanes.h does not have.
     """
     values, outputs = _number_values(function, frozenset(shared))
-    lines = [f"  const V a{i} = {values[i].code};" for i in _needed_values(values, set(outputs.values()))]
+    # Only the outputs and all values that they use are computed, each value after the values that it uses. The search
+    # goes depth first with an explicit stack, because the chains of a law are longer than Python's recursion limit.
+    needed: dict[int, None] = {}
+    stack = sorted(set(outputs.values()), reverse=True)
+    while stack:
+        missing = [i for i in values[stack[-1]].arguments if i not in needed]
+        if missing:
+            stack += missing[::-1]
+        else:
+            needed.setdefault(stack.pop())
+    lines = [f"  const V a{i} = {values[i].code};" for i in needed]
     lines += [f"  out[{place}] = a{i};" for place, i in sorted(outputs.items())]
     # Entries of the output that are always zero do not occur among the function's instructions.
     lines += [f"  out[{place}] = ALL(0.0);" for place in range(function.numel_out(0)) if place not in outputs]
@@ -144,19 +154,3 @@ def _number_values(function: ca.Function, shared: frozenset[int]) -> tuple[list[
         if less_one is not None:
             values[i] = _Value(f"a{less_one} + 1.0", (less_one,))
     return values, outputs
-
-
-def _needed_values(values: list[_Value], wanted: set[int]) -> list[int]:
-    """Return the indices of the wanted values and of all values that they use, in such an order that each value follows
-    the values that it uses.
-    """
-    done: dict[int, None] = {}
-    # Search depth first with an explicit stack, because the chains of a law are longer than Python's recursion limit.
-    stack = sorted(wanted, reverse=True)
-    while stack:
-        missing = [i for i in values[stack[-1]].arguments if i not in done]
-        if missing:
-            stack += missing[::-1]
-        else:
-            done.setdefault(stack.pop())
-    return list(done)

@@ -84,7 +84,16 @@ def tree_of(model: pin.Model) -> Tree:
     assert model.jointPlacements[BASE].isIdentity(), "the step takes the base's own frame"
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
-    turns = [np.eye(3)] * 2 + [_turn_to(_axis(model, data, i)) for i in range(2, model.njoints)]
+    # For each joint, a rotation matrix (3, 3) that turns the x axis to the joint's axis. If the numbers of the axis are
+    # 0, 1 and -1 only, so are those of the matrix, which keeps the generated code short.
+    turns = [np.eye(3)] * 2
+    for i in range(2, model.njoints):
+        # Complete the axis to a right-handed frame, beginning with a unit vector that is not parallel to it.
+        axis = _clean(_axis(model, data, i))
+        auxiliary = np.roll(np.eye(3)[int(np.argmax(np.abs(axis)))], 1)
+        aside = auxiliary - (auxiliary @ axis) * axis
+        aside /= np.linalg.norm(aside)
+        turns.append(np.column_stack([axis, aside, np.cross(axis, aside)]))
     joints, parameters = [], []
     # Numbers 0, 1 and -1 become part of the code, all others become parameters.
     for i in range(BASE, model.njoints):
@@ -108,18 +117,6 @@ def _axis(model: pin.Model, data: pin.Data, i: int) -> np.ndarray:
     column = pin.getJointJacobian(model, data, i, pin.LOCAL)[:, model.joints[i].idx_v]
     assert not column[:3].any(), "the step knows revolute joints only"
     return np.array(column[3:])
-
-
-def _turn_to(axis: np.ndarray) -> np.ndarray:
-    """Return a rotation matrix (3, 3) that turns the x axis to `axis`. If the numbers of `axis` are 0, 1 and -1 only,
-    so are the numbers of the matrix, which keeps the generated code short.
-    """
-    # Complete the axis to a right-handed frame, beginning with a unit vector that is not parallel to it.
-    axis = _clean(axis)
-    auxiliary = np.roll(np.eye(3)[int(np.argmax(np.abs(axis)))], 1)
-    y = auxiliary - (auxiliary @ axis) * axis
-    y /= np.linalg.norm(y)
-    return np.column_stack([axis, y, np.cross(axis, y)])
 
 
 def _numbers(model: pin.Model, i: int, parent: np.ndarray, R: np.ndarray) -> np.ndarray:
@@ -258,7 +255,9 @@ class _RecursivePass:
         # A joint turns about its x axis; for a body of revolution that carries nothing, the turn changes no quantity.
         angle = self.q[joint.q]
         cosine, sine = (angle, self.q[joint.q + 1]) if joint.turns_freely else (ca.cos(angle), ca.sin(angle))
-        self.R[i] = fixed.rotation if joint.revolves else fixed.rotation @ _about_x(cosine, sine)
+        turn = ca.SX(3, 3)
+        turn[0, 0], turn[1, 1], turn[2, 2], turn[1, 2], turn[2, 1] = 1, cosine, cosine, -sine, sine
+        self.R[i] = fixed.rotation if joint.revolves else fixed.rotation @ turn
         self.p[i] = fixed.place
         parent = joint.parent
         self.world[i] = self.world[parent] @ self.R[i]
@@ -353,13 +352,6 @@ def _cross(a: ca.SX) -> ca.SX:
     matrix[0, 1], matrix[0, 2], matrix[1, 2] = -a[2], a[1], -a[0]
     matrix[1, 0], matrix[2, 0], matrix[2, 1] = a[2], -a[1], a[0]
     return ca.sparsify(matrix)
-
-
-def _about_x(cosine: ca.SX, sine: ca.SX) -> ca.SX:
-    """Return the matrix (3, 3) of a rotation about x, from the cosine and the sine of its angle."""
-    matrix = ca.SX(3, 3)
-    matrix[0, 0], matrix[1, 1], matrix[2, 2], matrix[1, 2], matrix[2, 1] = 1, cosine, cosine, -sine, sine
-    return matrix
 
 
 def rotation_of(quaternion: ca.SX) -> ca.SX:

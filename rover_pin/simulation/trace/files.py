@@ -103,12 +103,28 @@ def run_from(
                 f"{table.path}: a unit is given for the column '{name}', which the file does not have: "
                 f"{closest(name, table.values)}"
             )
+    # A Parquet file holds units and attributes of the trace in its metadata. Both are empty if another program wrote
+    # the file, unless this program used the same key for other metadata.
+    metadata: Any = {}
+    if table.path.suffix == ".parquet":
+        raw = (parquet_table(table.path).schema.metadata or {}).get(METADATA)
+        try:
+            metadata = json.loads(raw) if raw else {}
+        except (ValueError, RecursionError) as error:
+            raise DataError(
+                f"{table.path}: the metadata of its columns is not JSON: write the file with `write_parquet`."
+            ) from error
+        if not isinstance(metadata, dict):
+            raise DataError(
+                f"{table.path}: the metadata of its columns is {metadata!r}, not a table of units and attrs: write the "
+                "file with `write_parquet`."
+            )
+    stored_units, stored_attrs = (table_in(metadata, name, table.path) for name in ("units", "attrs"))
     # Units of the caller replace those in the file's metadata.
-    metadata = _metadata(table.path) if table.path.suffix == ".parquet" else {}
-    declared_units = {**metadata.get("units", {}), **(units or {})}
+    declared_units = {**stored_units, **(units or {})}
     channels = {name: _si(table, name, declared_units.get(name, unit_of(name))) for name in table.values}
     units = {name: unit_of(name) or declared_units.get(name, "") for name in channels}
-    return Trace(channels, units, {**metadata.get("attrs", {}), **(attrs or {})})
+    return Trace(channels, units, {**stored_attrs, **(attrs or {})})
 
 
 def _si(table: Columns, name: str, unit: Any) -> np.ndarray:
@@ -148,24 +164,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     raise TypeError(f"{value!r}")
-
-
-def _metadata(path: Path) -> dict[str, Any]:
-    """Return the units and the attributes of a trace from the metadata of a Parquet file. Both are empty if another
-    program wrote the file.
-    """
-    # Files of other programs have no such key, or other metadata under it.
-    raw = (parquet_table(path).schema.metadata or {}).get(METADATA)
-    try:
-        metadata = json.loads(raw) if raw else {}
-    except (ValueError, RecursionError) as error:
-        raise DataError(
-            f"{path}: the metadata of its columns is not JSON: write the file with `write_parquet`."
-        ) from error
-    # Another program may have used the same key for other metadata.
-    if not isinstance(metadata, dict):
-        raise DataError(
-            f"{path}: the metadata of its columns is {metadata!r}, not a table of units and attrs: write the file with "
-            "`write_parquet`."
-        )
-    return {name: table_in(metadata, name, path) for name in ("units", "attrs")}

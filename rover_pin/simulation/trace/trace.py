@@ -56,8 +56,16 @@ class Trace(Mapping[str, np.ndarray]):
     end: DriveEnd | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
+        # Channels are read-only arrays of floats. An array that is already read-only is kept without a copy.
+        channels: dict[str, np.ndarray] = {}
         try:
-            channels = {name: _unchanging(values) for name, values in dict(self.channels).items()}
+            for name, values in dict(self.channels).items():
+                is_array = type(values) is np.ndarray and values.dtype == float
+                if is_array and values.base is None and not values.flags.writeable:
+                    channels[name] = values
+                else:
+                    channels[name] = np.array(values, dtype=float)
+                    channels[name].flags.writeable = False
         except (TypeError, ValueError) as error:
             raise DataError(f"Trace: channels are no dict of numbers by name: {error}.") from error
         # The class is frozen, so that fields are set by `object.__setattr__`.
@@ -192,7 +200,15 @@ class Trace(Mapping[str, np.ndarray]):
         were not recorded, and gaps in channels are ignored.
         """
         # Each group of values is left out if its channels are missing.
-        short = {"end_time_s": float(self.t[-1]), **self._travel()} if len(self.t) else {}
+        short = {"end_time_s": float(self.t[-1])} if len(self.t) else {}
+        # Length of the path and position at the end of the drive [m]; rows without a known position are ignored.
+        if {"body_x", "body_y"} <= self.channels.keys():
+            x, y = self.need("body_x", "body_y")
+            valid = np.isfinite(x) & np.isfinite(y)
+            if np.any(valid):
+                x, y = x[valid], y[valid]
+                path = float(np.sum(np.hypot(np.diff(x), np.diff(y))))
+                short |= {"distance_m": path, "end_x_m": float(x[-1]), "end_y_m": float(y[-1])}
         if "body_pitch" in self:
             short["max_pitch_deg"] = math.degrees(_over(np.max, np.abs(self["body_pitch"])))
         if self.wheels and all(f"slip_{wheel}" in self for wheel in self.wheels):
@@ -205,20 +221,6 @@ class Trace(Mapping[str, np.ndarray]):
         # Empty lists of warnings and notes are left out too.
         attrs = {name: self.attrs[name] for name in SUMMARY_ATTRS if self.attrs.get(name, []) != []}
         return {**attrs, **{name: value for name, value in short.items() if math.isfinite(value)}}
-
-    def _travel(self) -> dict[str, float]:
-        """Return the length of the path and the position at the end of the drive [m], as entries of the summary. Rows
-        without a known position are ignored.
-        """
-        if not {"body_x", "body_y"} <= self.channels.keys():
-            return {}
-        x, y = self.need("body_x", "body_y")
-        valid = np.isfinite(x) & np.isfinite(y)
-        if not np.any(valid):
-            return {}
-        x, y = x[valid], y[valid]
-        path = float(np.sum(np.hypot(np.diff(x), np.diff(y))))
-        return {"distance_m": path, "end_x_m": float(x[-1]), "end_y_m": float(y[-1])}
 
     def plot(self, *names: str, ax: Any = None) -> Any:
         """Draw channels against time, and return matplotlib's axes.
@@ -271,17 +273,6 @@ class Trace(Mapping[str, np.ndarray]):
         frame = pandas.DataFrame(self.channels)
         frame.attrs = {**self.attrs, "units": dict(self.units)}
         return frame
-
-
-def _unchanging(values: Any) -> np.ndarray:
-    """Return the values as a read-only array of floats. An array that is already read-only is returned without a
-    copy.
-    """
-    if type(values) is np.ndarray and values.dtype == float and values.base is None and not values.flags.writeable:
-        return values
-    numbers = np.array(values, dtype=float)
-    numbers.flags.writeable = False
-    return numbers
 
 
 def _over(reduce: Callable[[np.ndarray], Any], values: np.ndarray) -> float:
