@@ -159,30 +159,25 @@ class OverTime(FileExperiment):
         """Return the channels that each model predicts (models, runs, channels, samples), integrated by RK4 with fixed
         steps.
         """
+        # A model that diverges is a bad fit, not an error.
         with np.errstate(over="ignore", invalid="ignore"):
-            # a model that diverges is a bad fit, not an error
-            predicted = self._integrate_motion(models)
+            # All models and runs are integrated together. Steps between padded rows are 0, so the state of a shorter
+            # run stays constant after its end.
+            n, values = self._numbers(models), np.moveaxis(np.nan_to_num(self.set_values), 2, 0)
+            steps = np.nan_to_num(np.diff(self.time)).T / self.steps
+            state = np.zeros((self.states, len(models), len(self.folds)))
+            states = [state]
+            for step, value in zip(steps, values, strict=False):
+                for _ in range(self.steps):
+                    state = state + self._step(n, state, value.T, step)
+                states.append(state)
+            # The channels of all samples follow from their states in one call.
+            over_samples = np.moveaxis(np.array(states), 0, -1)
+            by_sample = SimpleNamespace(**{key: np.asarray(number)[..., None] for key, number in vars(n).items()})
+            set_values = np.moveaxis(np.nan_to_num(self.set_values), 1, 0)
+            channels = self.motion(by_sample, over_samples, *set_values)[1]
+            predicted = np.stack(np.broadcast_arrays(*channels), axis=2)
         return np.clip(np.nan_to_num(predicted, nan=self.stand_in), -self.stand_in, self.stand_in)
-
-    def _integrate_motion(self, models: Sequence[Parts]) -> np.ndarray:
-        """Return the channels of all models and runs (models, runs, channels, samples). All of them are integrated
-        together.
-        """
-        # Steps between padded rows are 0, so the state of a shorter run stays constant after its end.
-        n, values = self._numbers(models), np.moveaxis(np.nan_to_num(self.set_values), 2, 0)
-        steps = np.nan_to_num(np.diff(self.time)).T / self.steps
-        state = np.zeros((self.states, len(models), len(self.folds)))
-        states = [state]
-        for step, value in zip(steps, values, strict=False):
-            for _ in range(self.steps):
-                state = state + self._step(n, state, value.T, step)
-            states.append(state)
-        # The channels of all samples follow from their states in one call.
-        over_samples = np.moveaxis(np.array(states), 0, -1)
-        by_sample = SimpleNamespace(**{key: np.asarray(number)[..., None] for key, number in vars(n).items()})
-        set_values = np.moveaxis(np.nan_to_num(self.set_values), 1, 0)
-        channels = self.motion(by_sample, over_samples, *set_values)[1]
-        return np.stack(np.broadcast_arrays(*channels), axis=2)
 
     def _step(self, n: Any, state: np.ndarray, values: np.ndarray, step: np.ndarray) -> np.ndarray:
         """Return the change of the states over one step of RK4 (the classical Runge-Kutta method)."""

@@ -117,17 +117,11 @@ class SlipSlope(FileExperiment):
         """Return the numbers that are uncertain even if no effect is missing: phi, k and k_1 of the soil, and the
         motion resistance R.
         """
-        soil = (
-            self.parameter(model, f"soil.{name}", self._sd(name, unit), name != "phi", self._declaration(name))
-            for name, unit in (("phi", "rad"), ("k", "m"), ("k_1", "Pa"))
-        )
+        soil, sds = [], declared_sds(self.declared, Soil, "[soil]")
+        for name, unit in (("phi", "rad"), ("k", "m"), ("k_1", "Pa")):
+            place = declared_in("soil", name, self.declared, sds)
+            soil.append(self.parameter(model, f"soil.{name}", self._sd(name, unit), name != "phi", place))
         return (*soil, self.parameter(model, "MotionResistance.R", R_SD))
-
-    def _declaration(self, name: str) -> str:
-        """Return a text on where the data declare a soil constant. The text is empty if the data do not declare the
-        constant.
-        """
-        return declared_in("soil", name, self.declared, declared_sds(self.declared, Soil, "[soil]"))
 
     def _sd(self, name: str, unit: str) -> float:
         """Return the declared or assumed prior SD of a soil constant: in rad for phi, and relative to its value for k
@@ -193,29 +187,23 @@ class SlipSlope(FileExperiment):
             pulls += predictor(wheel_model, (), runs)(wheel_model.vector()).values[0].reshape(pulls.shape)
         # On a steady drive, the pull of all wheels balances the downhill part of the weight.
         required_pull = self.rover.mass * self.gravity * np.sin(distinct_slopes)
-        slips = np.array([_smallest_slip(pull, want) for pull, want in zip(pulls, required_pull, strict=True)])
+        slips = np.full(len(distinct_slopes), STUCK)
+        for number, (pull, want) in enumerate(zip(pulls, required_pull, strict=True)):
+            # A slip at which the wheel model has no solution (NaN) cannot carry the rover.
+            enough = np.flatnonzero(np.nan_to_num(pull, nan=-np.inf) >= want)
+            if enough.size and enough[0] == 0:
+                slips[number] = SLIPS[0]
+            elif enough.size:
+                # The pull reaches the required value between two neighbouring slips.
+                low, high = int(enough[0]) - 1, int(enough[0])
+                share = (want - pull[low]) / (pull[high] - pull[low])
+                slips[number] = SLIPS[low] + share * (SLIPS[high] - SLIPS[low])
         return slips[at].reshape(len(self.folds), 1, -1)
 
 
 ACTING = (SoilTraction, MotionResistance)
 """Effects of the base model of a drive that also act on a steadily turning wheel that runs straight. These effects are
 kept; all others are dropped."""
-
-
-def _smallest_slip(pull: np.ndarray, required_pull: float) -> float:
-    """Return the smallest slip that gives the required pull [N], interpolated linearly between SLIPS; STUCK if no slip
-    gives it.
-    """
-    # A slip at which the wheel model has no solution (NaN) cannot carry the rover.
-    enough = np.flatnonzero(np.nan_to_num(pull, nan=-np.inf) >= required_pull)
-    if not enough.size:
-        return STUCK
-    at = int(enough[0])
-    if at == 0:
-        return float(SLIPS[0])
-    # The pull reaches the required value between two neighbouring slips.
-    share = (required_pull - pull[at - 1]) / (pull[at] - pull[at - 1])
-    return float(SLIPS[at - 1] + share * (SLIPS[at] - SLIPS[at - 1]))
 
 
 def _refuse(points: np.ndarray, file: Path) -> None:

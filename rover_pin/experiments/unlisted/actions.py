@@ -221,13 +221,22 @@ def acts(scene: Scene) -> tuple[Act, ...]:
         possible_acts += _of_wheels(scene, TORQUE, "N m", torques)
     if possible_acts and any(name.startswith("current_") for name in scene.experiment.channels):
         possible_acts += _of_wheels(scene, VOLTAGE, "", duties)
-    possible_acts += _forces(scene)
+    # A force of 1 N against the motion, and a force of 1 N along the x axis of the world. Both follow from one
+    # perturbation along the heading, because the response is linear.
+    model = scene.fit.model
+    size = FORCE_SHARE * model.built.mass * abs(model.gravity)
+    perturbations = [Perturbation(force=np.full(len(run.commands.t), size)) for run in scene.experiment.runs]
+    along = _rows(scene, _difference(scene, scene.experiment.replays(model, perturbations), size))
+    against = tuple(-scene.sense(run) * rows for run, rows in enumerate(along))
+    leaning = tuple(np.cos(scene.experiment.runs[run].heading) * rows for run, rows in enumerate(along))
+    for kind, of_runs in ((FORCE, against), (LEAN, leaning)):
+        possible_acts.append(Act(kind, "", "N", (Part(scene.wheels, None, of_runs),)))
     # Grip: one part for each axle, because the axles pass a place one after another.
     mounts = scene.fit.model.rover.wheels
     parts = []
     for index, axle in enumerate(sorted({mount.axle for mount in mounts})):
-        model = scene.fit.model.having(AxleGrip(axle=float(index)))
-        responses = _rows(scene, _difference(scene, scene.experiment.replays(model), GRIP_SHARE))
+        gripping = model.having(AxleGrip(axle=float(index)))
+        responses = _rows(scene, _difference(scene, scene.experiment.replays(gripping), GRIP_SHARE))
         parts.append(Part(tuple(mount.name for mount in mounts if mount.axle == axle), index, responses))
     possible_acts.append(Act(GRIP, "", "", tuple(parts)))
     # An error of a reading changes its own channel only, by the error itself.
@@ -301,18 +310,6 @@ def _torque_and_duty(scene: Scene, wheel: int) -> tuple[Part, Part]:
     for run in changes:
         run[channel] = run[channel] - stall / float(model.motor.constant)
     return Part((name,), None, tuple(row / stall for row in _rows(scene, changes))), duty
-
-
-def _forces(scene: Scene) -> list[Act]:
-    """Return two actions: a force of 1 N against the motion, and a force of 1 N along the x axis of the world."""
-    model = scene.fit.model
-    size = FORCE_SHARE * model.built.mass * abs(model.gravity)
-    perturbations = [Perturbation(force=np.full(len(run.commands.t), size)) for run in scene.experiment.runs]
-    # Both forces follow from one perturbation along the heading, because the response is linear.
-    along = _rows(scene, _difference(scene, scene.experiment.replays(model, perturbations), size))
-    against = tuple(-scene.sense(run) * rows for run, rows in enumerate(along))
-    leaning = tuple(np.cos(scene.experiment.runs[run].heading) * rows for run, rows in enumerate(along))
-    return [Act(kind, "", "N", (Part(scene.wheels, None, rows),)) for kind, rows in ((FORCE, against), (LEAN, leaning))]
 
 
 def moved_features(scene: Scene, act: Act, run: int, shares: np.ndarray) -> np.ndarray:

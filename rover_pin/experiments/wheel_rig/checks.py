@@ -32,32 +32,28 @@ def refuse_unfit(experiment: RigExperiment) -> None:
         A single data set has one slip level, a constant slip, or a channel that never changes; or a data set has
         numbers that are physically impossible (`refuse_impossible`).
     """
-    for data in experiment.sets:
-        if len(experiment.sets) == 1:
-            _refuse_unvaried(data)
-        refuse_impossible(data)
-
-
-def _refuse_unvaried(data: RigSet) -> None:
-    """Raise an error if a data set has a constant slip, a single slip level, or a channel that never changes."""
-    # The three faults of a data set without variation: one slip, one level, or a channel that never changes.
-    if not np.ptp(data.slip) > 0.0:
-        raise DataError(
-            f"{data.name}: slip is {data.slip[0]:g} in every run, so every effect looks like a constant; add runs at "
-            "other slips, best from 0 to 0.8."
-        )
-    if len(data.level_names) < 2:
-        raise DataError(
-            f"{data.name}: all runs are of one level of slip ({data.level_names[0]}), so no level can be held out; "
-            "give runs at different slips different levels, or leave the column level out."
-        )
-    for channel in data.channels:
-        values = channel.measured[channel.has_value]
-        if values.size > 2 and np.ptp(values) == 0.0:
+    if len(experiment.sets) == 1:
+        (data,) = experiment.sets
+        # The three faults of a data set without variation: one slip, one level, or a channel that never changes.
+        if not np.ptp(data.slip) > 0.0:
             raise DataError(
-                f"{data.name}: {channel.column} is {values[0]:g} in all {values.size} runs, so the "
-                "sensor may be stuck or unplugged; remove the column or correct its values."
+                f"{data.name}: slip is {data.slip[0]:g} in every run, so every effect looks like a constant; add runs "
+                "at other slips, best from 0 to 0.8."
             )
+        if len(data.level_names) < 2:
+            raise DataError(
+                f"{data.name}: all runs are of one level of slip ({data.level_names[0]}), so no level can be held out; "
+                "give runs at different slips different levels, or leave the column level out."
+            )
+        for channel in data.channels:
+            values = channel.measured[channel.has_value]
+            if values.size > 2 and np.ptp(values) == 0.0:
+                raise DataError(
+                    f"{data.name}: {channel.column} is {values[0]:g} in all {values.size} runs, so the "
+                    "sensor may be stuck or unplugged; remove the column or correct its values."
+                )
+    for data in experiment.sets:
+        refuse_impossible(data)
 
 
 def too_poor(experiment: RigExperiment, nuisances: int) -> str:

@@ -226,7 +226,17 @@ class RigExperiment(Differentiable):
         for parameter in (parameter for numbers in of_sets.values() for parameter in numbers.of_sand()):
             if parameter.name not in parameters or (parameter.prior and not parameters[parameter.name].prior):
                 parameters[parameter.name] = parameter
-        for parameter in (*self._jointly_identified(model), *known_heights(self.declared, model.records)):
+        # Several data sets together determine n and c if their loads differ, and k_2 if the widths of their wheels
+        # differ. Within one data set these constants may be inseparable.
+        joint: list[Parameter] = []
+        loads = np.concatenate([data.load for data in self.sets])
+        widths = [float(data.wheel.b) for data in self.sets]
+        if loads.max() >= SAME_LOAD * loads.min():
+            joint.append(self.parameter(model, "soil.n", SD["n"].undeclared))
+            joint.append(self.parameter(model, "soil.c", max(SD["c"].undeclared, float(model.soil.c))))
+        if max(widths) >= OTHER_WIDTH * min(widths):
+            joint.append(self.parameter(model, "soil.k_2", float(model.soil.k_1) / min(widths)))
+        for parameter in (*joint, *known_heights(self.declared, model.records)):
             parameters.setdefault(parameter.name, parameter)
         of_rigs = self._named_parameters({name: numbers.of_rig() for name, numbers in of_sets.items()})
         return (*parameters.values(), *of_rigs)
@@ -243,20 +253,6 @@ class RigExperiment(Differentiable):
         for name, parameters in of_sets.items():
             yield from (replace(parameter, name=self.in_set(name, ".", parameter.name)) for parameter in parameters)
 
-    def _jointly_identified(self, model: RigModel | JointModel) -> Iterator[Parameter]:
-        """Yield the soil constants that only several data sets together can determine.
-
-        These are n and c if the loads of the data sets differ, and k_2 if the widths of the wheels differ.
-        """
-        # Within one data set these constants may be inseparable, but loads and widths differ between data sets.
-        loads = np.concatenate([data.load for data in self.sets])
-        widths = [float(data.wheel.b) for data in self.sets]
-        if loads.max() >= SAME_LOAD * loads.min():
-            yield self.parameter(model, "soil.n", SD["n"].undeclared)
-            yield self.parameter(model, "soil.c", max(SD["c"].undeclared, float(model.soil.c)))
-        if max(widths) >= OTHER_WIDTH * min(widths):
-            yield self.parameter(model, "soil.k_2", float(model.soil.k_1) / min(widths))
-
     def sensitivities(
         self, model: RigModel | JointModel, parameters: Sequence[Parameter], u: np.ndarray
     ) -> Sensitivities:
@@ -267,7 +263,15 @@ class RigExperiment(Differentiable):
         predicted, slopes = [], []
         for name, runs in self.runs.items():
             set_model, share = model.of(name), model.lug_share(name)
-            names = [_local(parameter.name, name) for parameter in parameters]
+            # The name of each parameter in the model of this data set; '' if it belongs to another data set. Parameters
+            # of the shared soil and effects have the same name in every data set.
+            names = [parameter.name for parameter in parameters]
+            for i, parameter in enumerate(parameters):
+                for kind, _ in SET_RECORDS:
+                    owner, separator, quantity = parameter.name.rpartition(f".{kind}.")
+                    if separator:
+                        names[i] = f"{kind}.{quantity}" if owner == name else ""
+                        break
             # Only the numbers that this set's model has can change its channels; all other slopes are 0.
             acting = [i for i, local in enumerate(names) if local and local.rpartition(".")[0] in set_model.records]
             acting_parameters = [_scale_parameter(replace(parameters[i], name=names[i]), share) for i in acting]
@@ -293,18 +297,6 @@ class RigExperiment(Differentiable):
         """
         reasons = ((name, runs.unpredicted_part(model.of(name))) for name, runs in self.runs.items())
         return next((self.in_set(name, ": ", why) for name, why in reasons if why), "")
-
-
-def _local(name: str, set_name: str) -> str:
-    """Return the name that a parameter has in the model of one data set; an empty text if it belongs to another data
-    set.
-    """
-    # Parameters of the shared soil and effects have the same name in every data set.
-    for kind, _ in SET_RECORDS:
-        owner, separator, quantity = name.rpartition(f".{kind}.")
-        if separator:
-            return f"{kind}.{quantity}" if owner == set_name else ""
-    return name
 
 
 def _scale_parameter(parameter: Parameter, share: float) -> Parameter:

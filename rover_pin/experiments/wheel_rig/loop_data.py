@@ -182,7 +182,15 @@ class RigData(LoopData):
         tried = [candidate.effect for candidate in question.candidates(verdict.before.fit)]
         declared = describe_declared(self.experiment.declared, tried, self.base_model().effects)
         if len(self.experiment.sets) > 1:
-            return self._extra_of_joint_fit(verdict, declared)
+            # For several data sets: the held-out errors of each data set, of the joint model and of a simple curve
+            # through the points of the data set alone.
+            errors, rig = set_errors(self.experiment, verdict), self.experiment.declared
+            fitted = verdict.after.numbers if verdict.after else ()
+            against = parameter_cautions((), flags(rig, verdict.model.soil, float(rig.wheel.b), fitted))
+            losses = [error.loss for error in errors if error.is_lost]
+            return dataclasses.replace(
+                verdict, extra=JointExtra(errors, declared), cautions=(*against, *verdict.cautions, *losses)
+            )
         progress("errors of curves through the points, for comparison")
         return self._extra_of_one_set(verdict, declared, seed)
 
@@ -207,20 +215,6 @@ class RigData(LoopData):
             profiles=profiles(verdict.after.fit, tuple(number.name for number in verdict.after.numbers)),
         )
         return against_rivals(verdict, curves(rolled.observed, rolled.inputs, channels))
-
-    def _extra_of_joint_fit(self, verdict: Verdict, declared: tuple[str, ...]) -> Verdict:
-        """Return the verdict on several data sets extended by the held-out errors of each data set.
-
-        The table compares the errors of the joint model with the errors of a simple curve through the points of the
-        data set alone.
-        """
-        errors, rig = set_errors(self.experiment, verdict), self.experiment.declared
-        fitted = verdict.after.numbers if verdict.after else ()
-        against = parameter_cautions((), flags(rig, verdict.model.soil, float(rig.wheel.b), fitted))
-        losses = [error.loss for error in errors if error.is_lost]
-        return dataclasses.replace(
-            verdict, extra=JointExtra(errors, declared), cautions=(*against, *verdict.cautions, *losses)
-        )
 
     def write_models(self, model: RigModel | JointModel, folder: Path, stem: str, note: str) -> list[Path]:
         """Write the model to files in a folder and return their paths. `note` is a remark for the reader of the files.

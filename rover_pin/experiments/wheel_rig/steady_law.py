@@ -145,7 +145,14 @@ def _balance(effects: tuple[Effect, ...]) -> Balance:
     read = ca.vertcat(*errors.read(load, h, true[0]))
     values, balance, h = ca.cse([read, balance, h])
     step = -_solve(ca.jacobian(balance, z), balance)
-    first = ca.Function("first", [condition, p], [ca.vertcat(start, *_at_rest(z, balance, p))])
+    # The initial guess of the effects' states are their steady values for a wheel that has sunk to its axle. The rates
+    # of the states are linear in the states, so one Newton step gives the steady values.
+    guess = [start]
+    if z.numel() > 1:
+        to_rest = -_solve(ca.jacobian(balance, z)[1:, 1:], balance[1:])
+        sunk = ca.vertcat(ca.log(p[FIELDS.index("r")]), ca.SX.zeros(z.numel() - 1))
+        guess += ca.vertsplit(*ca.substitute([to_rest], [z], [sunk]))
+    first = ca.Function("first", [condition, p], [ca.vertcat(*guess)])
     # A Newton step changes ln y by at most MAX_STEP, and never to a sinkage below the axle.
     limited = ca.fmax(ca.fmin(step[0], MAX_STEP), -MAX_STEP)
     ln_y = ca.fmin(z[0] + limited, ca.log(p[FIELDS.index("r")]))
@@ -171,7 +178,11 @@ def _chain_loads(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.
     # The sideways slip is the sideways speed divided by the faster of rim speed and travel speed.
     passing = ca.fmax(ca.fmax(ca.fabs(rim), ca.fabs(v_x)), STANDS * ca.fabs(v_y))
     contact = contact._replace(S_y=v_y / ca.fmax(passing, MIN_SPEED))
-    h = _floor(valued_effects, contact, x) + ca.exp(z[0])
+    # The floor is the sinkage h at which the changed sinkage of the contact is 0. It is found by a secant through h = r
+    # and h = 2 r, which is exact if the changed sinkage is linear in h.
+    r = contact.wheel.r
+    once, twice = (_amend_contact(valued_effects, contact._replace(h=times * r), x).h for times in (1.0, 2.0))
+    h = r * (1.0 - once / (twice - once)) + ca.exp(z[0])
     contact = _amend_contact(valued_effects, contact._replace(h=h), x)
     push = Load()
     for effect, own_states in zip(valued_effects, x, strict=True):
@@ -215,34 +226,11 @@ def pressed_law(effects: tuple[Effect, ...], free: tuple[str, ...], points: int)
     return ca.Function("pressed", [h, p], [column]).map("every", "serial", points, [1], [])
 
 
-def _at_rest(z: ca.SX, balance: ca.SX, p: ca.SX) -> list[ca.SX]:
-    """Return the initial guess of the effects' states: their steady values for a wheel that has sunk to its axle.
-
-    The rates of the states are linear in the states, so one Newton step gives the steady values.
-    """
-    if z.numel() == 1:
-        return []
-    step = -_solve(ca.jacobian(balance, z)[1:, 1:], balance[1:])
-    sunk = ca.vertcat(ca.log(p[FIELDS.index("r")]), ca.SX.zeros(z.numel() - 1))
-    return ca.vertsplit(*ca.substitute([step], [z], [sunk]))
-
-
 def _amend_contact(effects: Sequence[Effect], contact: Contact, x: Sequence[tuple[ca.SX, ...]]) -> Contact:
     """Return the contact after all effects have changed it one after the other. `x` holds the states of each effect."""
     for effect, own_states in zip(effects, x, strict=True):
         contact = effect.amend(contact, own_states)
     return contact
-
-
-def _floor(effects: Sequence[Effect], contact: Contact, x: Sequence[tuple[ca.SX, ...]]) -> ca.SX:
-    """Return the sinkage at which the wheel first touches the soil surface that the effects leave [m].
-
-    Effects change the sinkage of the contact. The result is the sinkage h at which the changed sinkage is 0. It is
-    found by a secant through h = r and h = 2 r, which is exact if the changed sinkage is linear in h.
-    """
-    r = contact.wheel.r
-    once, twice = (_amend_contact(effects, contact._replace(h=times * r), x).h for times in (1.0, 2.0))
-    return r * (1.0 - once / (twice - once))
 
 
 def _solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
