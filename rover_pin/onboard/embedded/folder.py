@@ -57,7 +57,14 @@ def write_control(export: EmbeddedControl | EmbeddedMotion, folder: str | Path, 
     if isinstance(export, EmbeddedMotion):
         program, heads, rows = "motion_vectors.c", export.heads, export.vectors(count)
     else:
-        program, heads, rows = "test_vectors.c", _column_names(export), vectors(export, count)
+        # The columns have the order of the values that `vectors` yields: readings, external slips, results, forecast.
+        names = [wheel.name for wheel in export.rover.wheels]
+        groups = ("duty", "wheel_rate", "current"), ("slip_given", "travel"), ("duty_out", "slip", "hole")
+        before, external, out = ([f"{group}_{name}" for group in row for name in names] for row in groups)
+        links = [f"suspension_{i}" for i in range(export.links)]
+        ahead = [*MONITOR_COLUMNS, *(f"p_{cause.replace(' ', '_')}" for cause in CAUSES)] if export.monitor else []
+        heads = ["anew", *before, *links, "roll", "pitch", "seen_speed", *external, *out, "stands", "stopped", *ahead]
+        program, rows = "test_vectors.c", vectors(export, count)
         limit, ros2 = TOLERANCE_ON_BOARD if export.on_board else TOLERANCE, ros2_files(export)
     # Numbers are written by `repr`, from which C reads exactly the same double.
     texts = {
@@ -71,17 +78,6 @@ def write_control(export: EmbeddedControl | EmbeddedMotion, folder: str | Path, 
     }
     (place / "functions").mkdir(parents=True, exist_ok=True)
     return [replace_file(place / name, text) for name, text in texts.items()]
-
-
-def _column_names(export: EmbeddedControl) -> list[str]:
-    """Return the names of the columns in the test vectors of a slip control, in their order."""
-    # The columns have the order of the values that `vectors` yields: readings, external slips, results, forecast.
-    names = [wheel.name for wheel in export.rover.wheels]
-    groups = ("duty", "wheel_rate", "current"), ("slip_given", "travel"), ("duty_out", "slip", "hole")
-    before, external, out = ([f"{group}_{name}" for group in row for name in names] for row in groups)
-    links = [f"suspension_{i}" for i in range(export.links)]
-    ahead = [*MONITOR_COLUMNS, *(f"p_{cause.replace(' ', '_')}" for cause in CAUSES)] if export.monitor else []
-    return ["anew", *before, *links, "roll", "pitch", "seen_speed", *external, *out, "stands", "stopped", *ahead]
 
 
 ROS2_PACKAGE = """<?xml version="1.0"?>

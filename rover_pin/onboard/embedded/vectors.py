@@ -63,7 +63,17 @@ def vectors(export: EmbeddedControl, count: int, seed: int = 0) -> Iterator[list
     seed : int
         Seed of the random readings.
     """
-    twin, wheels = _twin(export), len(export.rover.wheels)
+    # The samples drive a copy of the export that has its own memory. The control, the stop and the monitor of the copy
+    # must all refer to the copy's slip estimate. Its visual odometry returns the speed that is written in the reading.
+    control, on_board = dataclasses.replace(export.control, integral=0.0, depth=0.0), export.on_board
+    twin, wheels = dataclasses.replace(export, control=control), len(export.rover.wheels)
+    if on_board is not None:
+        odometry: Any = on_board.odometry and _GivenSpeed(on_board.odometry.lag, on_board.odometry.camera)
+        estimate = dataclasses.replace(on_board, odometry=odometry)
+        control = dataclasses.replace(control, estimate=estimate)
+        stop = StopStuck(control, estimate, export.stop.stop) if export.stop else None
+        monitor = export.monitor and export.monitor.reading_from(estimate)
+        twin = dataclasses.replace(export, control=control, stop=stop, monitor=monitor)
     widths = {"duty": wheels, "rate": wheels, "current": wheels, "link": export.links, "tilt": 2, "travel": wheels}
     widths |= {"slip": wheels}
     random = np.random.default_rng(seed)
@@ -105,19 +115,3 @@ def _python_answers(twin: EmbeddedControl, read: dict[str, np.ndarray], late_spe
     ahead = twin.monitor.after(reading)
     cause = (*CAUSES, CANNOT_TELL).index(ahead.cause) if ahead.cause else -1
     return [*answers, ahead.p_stuck, ahead.p_buried, float(ahead.alarm), float(cause), *ahead.causes]
-
-
-def _twin(export: EmbeddedControl) -> EmbeddedControl:
-    """Return a copy of an export that has its own memory. If the control has visual odometry, the odometry of the copy
-    returns the speed that is written in the reading.
-    """
-    # The control, the stop and the monitor of the copy must all refer to the copy's slip estimate.
-    control, on_board = dataclasses.replace(export.control, integral=0.0, depth=0.0), export.on_board
-    if on_board is None:
-        return dataclasses.replace(export, control=control)
-    odometry: Any = on_board.odometry and _GivenSpeed(on_board.odometry.lag, on_board.odometry.camera)
-    estimate = dataclasses.replace(on_board, odometry=odometry)
-    control = dataclasses.replace(control, estimate=estimate)
-    stop = StopStuck(control, estimate, export.stop.stop) if export.stop else None
-    monitor = export.monitor and export.monitor.reading_from(estimate)
-    return dataclasses.replace(export, control=control, stop=stop, monitor=monitor)

@@ -75,7 +75,22 @@ def unit_of(control: Controller, model: Model) -> FunctionalUnit:
     """
     export = control_export(control, model)
     if isinstance(export, EmbeddedMotion):
-        (what, variables, counts), tables, stopped = ("held speeds", *_motion_variables(export)), "", ""
+        # The variables have the order of the fields in the C structs RoverReading and RoverCommand: the commanded
+        # motion and the rates of the wheels, then duties and steering angles.
+        what, tables, stopped = "held speeds", "", ""
+        wheels, steered = len(export.rover.wheels), len(export.control.angles)
+        order = f"; wheels: {', '.join(wheel.name for wheel in export.rover.wheels)}"
+        variables: tuple[Variable, ...] = (
+            Variable("speed", "m/s", "input", (0.0,), "commanded speed of the body, forwards"),
+            Variable("yaw_rate", "rad/s", "input", (0.0,), "commanded yaw rate, to the left"),
+            Variable("aside", "m/s", "input", (0.0,), "commanded speed sideways, to the left; for wheels that steer"),
+            Variable("wheel_rate", "rad/s", "input", (0.0,) * wheels, f"rates of the wheel joints{order}"),
+            Variable("duty", "", "output", (0.0,) * wheels, "duties to apply until the next step"),
+        )
+        if steered:
+            angles = Variable("steer", "rad", "output", (0.0,) * steered, "angles of the wheels that steer")
+            variables = (*variables, angles)
+        counts = (3 + wheels, wheels + steered)
     else:
         what, (variables, counts) = "slip control", _slip_variables(export)
         bound = [("control.belief", "fresh.belief", name) for name in TABLES if export.on_board]
@@ -92,25 +107,6 @@ def unit_of(control: Controller, model: Model) -> FunctionalUnit:
 
 UnitVariables = tuple[tuple[Variable, ...], tuple[int, int]]
 """Type of a pair: the variables of a unit, and the numbers of values in the C structs of a reading and of a command."""
-
-
-def _motion_variables(export: EmbeddedMotion) -> UnitVariables:
-    """Return the variables of the unit for held speeds, whose inputs are the commanded motion and the rates of the
-    wheels, and the numbers of values in its C structs.
-    """
-    # The order of the variables is that of the fields in the C structs RoverReading and RoverCommand.
-    wheels, steered = len(export.rover.wheels), len(export.control.angles)
-    order = f"; wheels: {', '.join(wheel.name for wheel in export.rover.wheels)}"
-    variables = [
-        Variable("speed", "m/s", "input", (0.0,), "commanded speed of the body, forwards"),
-        Variable("yaw_rate", "rad/s", "input", (0.0,), "commanded yaw rate, to the left"),
-        Variable("aside", "m/s", "input", (0.0,), "commanded speed sideways, to the left; for wheels that steer"),
-        Variable("wheel_rate", "rad/s", "input", (0.0,) * wheels, f"rates of the wheel joints{order}"),
-        Variable("duty", "", "output", (0.0,) * wheels, "duties to apply until the next step"),
-    ]
-    if steered:
-        variables.append(Variable("steer", "rad", "output", (0.0,) * steered, "angles of the wheels that steer"))
-    return tuple(variables), (3 + wheels, wheels + steered)
 
 
 def _slip_variables(export: EmbeddedControl) -> UnitVariables:

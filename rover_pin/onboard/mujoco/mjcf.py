@@ -13,14 +13,12 @@ import pinocchio as pin
 from rover_pin.base.encode import xml_text
 from rover_pin.base.errors import ParameterError
 from rover_pin.effects.effect import BodyEffect
-from rover_pin.rover.rover import Rover
 from rover_pin.rover.wheel_base import base_of
 from rover_pin.simulation.compiled.drive_fields import SERVO_GAIN, joint_strength
 from rover_pin.simulation.model.cruise import CRUISE_DUTY
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.start import Start, settled_state
 from rover_pin.simulation.state import DriveState
-from rover_pin.terrain.terrain import Terrain
 
 GROUND_HALF_WIDTH, GROUND_CELLS = 5.0, 200
 """Half the width of the ground that MuJoCo draws [m], and the number of cells along each of its sides."""
@@ -83,12 +81,47 @@ def mjcf(model: Model, start: Start = Start(), timestep: float = TIMESTEP) -> st
     )
     ET.SubElement(top, "statistic", center=_text(state.q[:3]), extent=repr(2.0 * base_of(rover).length))
     world = ET.SubElement(top, "worldbody")
-    _draw_ground(top, world, model.ground, start)
+    # The ground around the start is sampled on a square grid, as a height field that is drawn and has no contacts. Its
+    # elevations are from 0 to 1; MuJoCo reads their rows from the largest y to the smallest.
+    steps = np.linspace(-GROUND_HALF_WIDTH, GROUND_HALF_WIDTH, GROUND_CELLS + 1)
+    heights = np.asarray(model.ground.height(*np.meshgrid(start.x + steps, start.y + steps)), dtype=float)
+    low, span = float(heights.min()), max(float(np.ptp(heights)), 1e-3)
+    elevation = " ".join(f"{height:.4g}" for height in (heights[::-1] - low).ravel() / span)
+    size, sides = _text([GROUND_HALF_WIDTH, GROUND_HALF_WIDTH, span, 0.1]), str(GROUND_CELLS + 1)
+    ET.SubElement(
+        ET.SubElement(top, "asset"), "hfield", name="ground", nrow=sides, ncol=sides, size=size, elevation=elevation
+    )
+    _draw_geom(world, type="hfield", hfield="ground", pos=_text([start.x, start.y, low]), rgba="0.8 0.7 0.5 1")
     places: list[float] = []
     # The bodies are nested as the joints are. `places` collects their coordinates at the start, in MuJoCo's order.
     _add_body(world, model, state, 1, places)
-    _add_constraints(top, rover, timestep)
-    ctrl = "0 " * _add_actuators(top, model)
+    # The couplings between joints are equality constraints. A differential is the coupling right = -left of the two
+    # rockers. The time constant of the constraints is two time steps, the smallest that MuJoCo allows.
+    name_at = {joint.idx_v: name for joint, name in zip(rover.model.joints, rover.model.names, strict=True)}
+    pairs = [(coupling.follower, coupling.leader, coupling.ratio) for coupling in rover.couplings]
+    if rover.differential is not None:
+        pairs.append((rover.differential.right, rover.differential.left, -1.0))
+    equality = ET.SubElement(top, "equality")
+    for follower, leader, ratio in pairs:
+        ET.SubElement(
+            equality, "joint", joint1=name_at[follower], joint2=name_at[leader], polycoef=_text([0, ratio, 0, 0, 0]),
+            solref=_text([2.0 * timestep, 1.0]), solimp="0.9999 0.9999 0.001 0.5 2",
+        )  # fmt: skip
+    # A motor has the torque stall_torque (duty - rate / no_load_rate). A servo is a spring with a damper, of the same
+    # stiffness and damping as in the simulation.
+    actuators, strength = ET.SubElement(top, "actuator"), joint_strength(model.rover)
+    stall, back = float(model.motor.stall_torque), float(model.motor.stall_torque / model.motor.no_load_rate)
+    for wheel in rover.wheels:
+        ET.SubElement(
+            actuators, "general", name=f"duty_{wheel.name}", joint=name_at[wheel.dof], ctrlrange="-1 1",
+            gainprm=repr(stall), biastype="affine", biasprm=_text([0.0, 0.0, -back]),
+        )  # fmt: skip
+    kp, kv = (repr(float(strength * gain)) for gain in SERVO_GAIN)
+    for wheel in (wheel for wheel in rover.wheels if wheel.steer_dof is not None):
+        ET.SubElement(
+            actuators, "position", name=f"steer_{wheel.name}", joint=name_at[wheel.steer_dof], kp=kp, kv=kv
+        )  # fmt: skip
+    ctrl = "0 " * len(actuators)
     ET.SubElement(ET.SubElement(top, "keyframe"), "key", name="start", qpos=_text(places), ctrl=ctrl)
     ET.indent(top)
     return ET.tostring(top, encoding="unicode") + "\n"
@@ -177,62 +210,6 @@ def _axis(pin_model: pin.Model, joint: int) -> np.ndarray:
 def _draw_geom(body: ET.Element, **attributes: str) -> None:
     """Add a shape to the XML element of a body that is only drawn: the shape has no contacts and no mass."""
     ET.SubElement(body, "geom", {"contype": "0", "conaffinity": "0", "mass": "0", **attributes})
-
-
-def _draw_ground(top: ET.Element, world: ET.Element, ground: Terrain, start: Start) -> None:
-    """Add the ground around the start to the XML, as a height field that is drawn and has no contacts."""
-    # The ground is sampled on a square grid around the start.
-    steps = np.linspace(-GROUND_HALF_WIDTH, GROUND_HALF_WIDTH, GROUND_CELLS + 1)
-    heights = np.asarray(ground.height(*np.meshgrid(start.x + steps, start.y + steps)), dtype=float)
-    low, span = float(heights.min()), max(float(np.ptp(heights)), 1e-3)
-    # The elevations are from 0 to 1; MuJoCo reads their rows from the largest y to the smallest.
-    elevation = " ".join(f"{height:.4g}" for height in (heights[::-1] - low).ravel() / span)
-    size = _text([GROUND_HALF_WIDTH, GROUND_HALF_WIDTH, span, 0.1])
-    sides = str(GROUND_CELLS + 1)
-    ET.SubElement(
-        ET.SubElement(top, "asset"), "hfield", name="ground", nrow=sides, ncol=sides, size=size, elevation=elevation
-    )
-    _draw_geom(world, type="hfield", hfield="ground", pos=_text([start.x, start.y, low]), rgba="0.8 0.7 0.5 1")
-
-
-def _add_constraints(top: ET.Element, rover: Rover, timestep: float) -> None:
-    """Add the differential and the couplings between joints to the XML as equality constraints.
-
-    The time constant of the constraints is two time steps, the smallest that MuJoCo allows.
-    """
-    # A differential is the coupling right = -left of the two rockers.
-    name_at = {joint.idx_v: name for joint, name in zip(rover.model.joints, rover.model.names, strict=True)}
-    pairs = [(coupling.follower, coupling.leader, coupling.ratio) for coupling in rover.couplings]
-    if rover.differential is not None:
-        pairs.append((rover.differential.right, rover.differential.left, -1.0))
-    equality = ET.SubElement(top, "equality")
-    for follower, leader, ratio in pairs:
-        ET.SubElement(
-            equality, "joint", joint1=name_at[follower], joint2=name_at[leader], polycoef=_text([0, ratio, 0, 0, 0]),
-            solref=_text([2.0 * timestep, 1.0]), solimp="0.9999 0.9999 0.001 0.5 2",
-        )  # fmt: skip
-
-
-def _add_actuators(top: ET.Element, model: Model) -> int:
-    """Add the motors and the steering servos to the XML. Return the number of motors and servos together.
-
-    A motor has the torque stall_torque (duty - rate / no_load_rate); a servo is a spring with a damper.
-    """
-    rover, actuators, strength = model.built, ET.SubElement(top, "actuator"), joint_strength(model.rover)
-    name_at = {joint.idx_v: name for joint, name in zip(rover.model.joints, rover.model.names, strict=True)}
-    stall, back = float(model.motor.stall_torque), float(model.motor.stall_torque / model.motor.no_load_rate)
-    for wheel in rover.wheels:
-        ET.SubElement(
-            actuators, "general", name=f"duty_{wheel.name}", joint=name_at[wheel.dof], ctrlrange="-1 1",
-            gainprm=repr(stall), biastype="affine", biasprm=_text([0.0, 0.0, -back]),
-        )  # fmt: skip
-    # The servos have the same stiffness and damping as in the simulation.
-    kp, kv = (repr(float(strength * gain)) for gain in SERVO_GAIN)
-    for wheel in (wheel for wheel in rover.wheels if wheel.steer_dof is not None):
-        ET.SubElement(
-            actuators, "position", name=f"steer_{wheel.name}", joint=name_at[wheel.steer_dof], kp=kp, kv=kv
-        )  # fmt: skip
-    return len(actuators)
 
 
 def _quaternion(rotation: np.ndarray) -> str:

@@ -105,7 +105,21 @@ class SoilForces:
             self._saved, self._time = kernel.saved_arrays(), time
         else:
             kernel.restore(self._saved)
-        self._copy_state(data)
+        # Copy MuJoCo's state and commands into the compiled step. MuJoCo has the velocity of the base in the axes of
+        # the world, and its angular velocity in those of the base. Pinocchio has both in the axes of the base.
+        state, place, dof = kernel.state, int(self._base.qposadr[0]), int(self._base.dofadr[0])
+        w, *xyz = data.qpos[place + 3 : place + 7]
+        state.q[:7] = *data.qpos[place : place + 3], *xyz, w
+        turn = base_rotation(state.q)
+        state.v[:6] = *(turn.T @ data.qvel[dof : dof + 3]), *data.qvel[dof + 3 : dof + 6]
+        for coordinate, speed, joint in self._hinges:
+            angle = data.qpos[coordinate]
+            state.q[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
+            state.v[joint.idx_v] = data.qvel[speed]
+        command, wheels = data.ctrl[self._ctrl], len(self._bodies)
+        kernel.duty[:] = np.clip(command[:wheels], -1.0, 1.0)
+        if len(command) > wheels:
+            kernel.servo_target[:] = command[wheels:]
         status = kernel.step()
         if status:
             raise SimulationError(stop_reason(status, time))
@@ -118,21 +132,3 @@ class SoilForces:
         `slip`.
         """
         return np.array(self._kernel.record[:, RECORD.index(name)])
-
-    def _copy_state(self, data: Any) -> None:
-        """Copy MuJoCo's state and commands into the compiled step of rover_pin."""
-        # MuJoCo has the velocity of the base in the axes of the world, and its angular velocity in those of the base.
-        # Pinocchio has both in the axes of the base.
-        state, place, dof = self._kernel.state, int(self._base.qposadr[0]), int(self._base.dofadr[0])
-        w, *xyz = data.qpos[place + 3 : place + 7]
-        state.q[:7] = *data.qpos[place : place + 3], *xyz, w
-        turn = base_rotation(state.q)
-        state.v[:6] = *(turn.T @ data.qvel[dof : dof + 3]), *data.qvel[dof + 3 : dof + 6]
-        for coordinate, speed, joint in self._hinges:
-            angle = data.qpos[coordinate]
-            state.q[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
-            state.v[joint.idx_v] = data.qvel[speed]
-        command, wheels = data.ctrl[self._ctrl], len(self._bodies)
-        self._kernel.duty[:] = np.clip(command[:wheels], -1.0, 1.0)
-        if len(command) > wheels:
-            self._kernel.servo_target[:] = command[wheels:]
