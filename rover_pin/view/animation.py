@@ -82,21 +82,17 @@ def write_animation(file: Path, film: Film, name: str, ghost: Film | None = None
     with tempfile.TemporaryDirectory() as folder, missing_glyphs_allowed():
         rendered = Path(folder) / f"made{file.suffix}"
         moving.save(rendered, writer=writer, dpi=100)
-        return replace_file(file, rendered.read_bytes() if file.suffix == ".mp4" else _with_one_palette(rendered))
-
-
-def _with_one_palette(gif: Path) -> bytes:
-    """Return the bytes of a GIF file with one palette of colours for all pictures. Parts of a picture that do not
-    change then take no space.
-    """
-    with Image.open(gif) as picture:
-        pictures, lasts = [frame.convert("RGB") for frame in ImageSequence.Iterator(picture)], picture.info["duration"]
-    # The picture in the middle of the drive supplies the colours for all pictures.
-    palette = pictures[len(pictures) // 2].quantize(COLOURS)
-    first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in pictures)
-    small = io.BytesIO()
-    first.save(small, "GIF", save_all=True, append_images=others, duration=lasts, loop=0, optimize=True)
-    return small.getvalue()
+        if file.suffix == ".mp4":
+            return replace_file(file, rendered.read_bytes())
+        # All pictures of a GIF get the same palette of colours, that of the picture in the middle of the drive. Parts
+        # of a picture that do not change then take no space.
+        with Image.open(rendered) as gif:
+            pictures, lasts = [frame.convert("RGB") for frame in ImageSequence.Iterator(gif)], gif.info["duration"]
+        palette = pictures[len(pictures) // 2].quantize(COLOURS)
+        first, *others = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
+        small = io.BytesIO()
+        first.save(small, "GIF", save_all=True, append_images=others, duration=lasts, loop=0, optimize=True)
+        return replace_file(file, small.getvalue())
 
 
 def _figure(film: Film, ghost: Film | None) -> tuple[Figure, list[Draw]]:

@@ -65,30 +65,25 @@ def write_mcap(file: Path, subject: Subject) -> Path:
         values = {name: float(channel[row]) for name, channel in trace.items()}
         finite = {name: value if math.isfinite(value) else None for name, value in values.items()}
         messages.append((float(t), "/trace", finite))
+    # The poses of all links in the world, in the form of Foxglove's frame transforms, stamped with the time since the
+    # start.
     for frame, t in enumerate(film.t):
-        messages.append((float(t), "/tf", {"transforms": _transforms(film, frame, float(t - film.t[0]))}))
+        elapsed = float(t - film.t[0])
+        seconds = math.floor(elapsed)
+        stamp = {"sec": seconds, "nsec": round(NANO * (elapsed - seconds))}
+        transforms: list[dict[str, Any]] = []
+        for name, (positions, quaternions) in film.links.items():
+            w, x, y, z = map(float, quaternions[frame])
+            translation = dict(zip("xyz", map(float, positions[frame]), strict=True))
+            names = {"timestamp": stamp, "parent_frame_id": "world", "child_frame_id": name}
+            transforms.append({**names, "translation": translation, "rotation": {"x": x, "y": y, "z": z, "w": w}})
+        messages.append((float(t), "/tf", {"transforms": transforms}))
     # Players expect messages in the order of their times.
     for t, topic, message in sorted(messages, key=lambda entry: entry[0]):
         at = round(NANO * (t - float(trace.t[0])))
         writer.add_message(ids[topic], log_time=at, publish_time=at, data=json.dumps(message).encode())
     writer.finish()
     return replace_file(file, content.getvalue())
-
-
-def _transforms(film: Film, frame: int, t: float) -> list[dict[str, Any]]:
-    """Return the poses of all links in the world at a frame, in the form of Foxglove's frame transforms. `t` is the
-    time since the start [s].
-    """
-    seconds = math.floor(t)
-    stamp = {"sec": seconds, "nsec": round(NANO * (t - seconds))}
-    transforms = []
-    # One transform for each link, from the world to the link.
-    for name, (positions, quaternions) in film.links.items():
-        w, x, y, z = map(float, quaternions[frame])
-        translation = dict(zip("xyz", map(float, positions[frame]), strict=True))
-        names = {"timestamp": stamp, "parent_frame_id": "world", "child_frame_id": name}
-        transforms.append({**names, "translation": translation, "rotation": {"x": x, "y": y, "z": z, "w": w}})
-    return transforms
 
 
 def write_rerun(file: Path, subject: Subject) -> Path:

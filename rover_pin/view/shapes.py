@@ -53,7 +53,11 @@ def shapes_of(rover: Rover, folder: Path | None = None) -> list[Shape]:
     robot = yourdfpy.URDF.load(io.BytesIO(rover.urdf.encode()), load_meshes=False, build_scene_graph=False).robot
     # The URDF is read again here, because Pinocchio's model does not contain the shapes.
     palette = {material.name: material.color for material in robot.materials}
-    rims = _wheel_links(rover)
+    # The link that turns with each wheel. If several links turn with a wheel, the first is taken.
+    bodies = [frame for frame in rover.model.frames if frame.type == pin.FrameType.BODY]
+    rims: dict[str, WheelMount] = {}
+    for mount in rover.wheels:
+        rims[next((str(frame.name) for frame in bodies if frame.parentJoint == mount.joint), "")] = mount
     shapes, missing = list[Shape](), set[str]()
     for link in robot.links:
         link_shapes: list[Shape] = []
@@ -70,21 +74,6 @@ def shapes_of(rover: Rover, folder: Path | None = None) -> list[Shape]:
         # A link without shapes is drawn as rods between its joints, so that the suspension is visible.
         shapes += link_shapes or list(_rods(rover, link.name))
     return shapes
-
-
-def _wheel_links(rover: Rover) -> dict[str, WheelMount]:
-    """Return name of a link -> wheel, for the link that turns with each wheel. If several links turn with a wheel, the
-    first is taken.
-    """
-    rims: dict[str, WheelMount] = {}
-    for mount in rover.wheels:
-        links = (
-            frame.name
-            for frame in rover.model.frames
-            if frame.type == pin.FrameType.BODY and frame.parentJoint == mount.joint
-        )
-        rims[str(next(links, ""))] = mount
-    return rims
 
 
 def _triangles(geometry: Any, folder: Path | None, missing: set[str]) -> Any:

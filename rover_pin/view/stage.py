@@ -57,7 +57,18 @@ class Stage:
         scene.set_up_direction("+z")
         # All nodes lie below one node, which moves so that the rover stays in the middle of the view.
         self.world = scene.add_frame(WORLD, show_axes=False)
-        self._add_ground(film)
+        # The terrain is one mesh for each soil, and the lines that are drawn across the terrain.
+        for patch in patches(film.terrain, film.box):
+            scene.add_mesh_simple(
+                f"{WORLD}/ground/{patch.soil}",
+                _page_points(patch.vertices),
+                patch.faces.astype(np.uint32),
+                color=SOILS[min(patch.soil, len(SOILS) - 1)],
+                flat_shading=True,
+                side="double",
+            )
+        lines = _page_points(ruled_lines(film.terrain, film.box))
+        scene.add_line_segments(f"{WORLD}/ground/lines", lines, (120, 100, 70), thickness=0.0015)
         self.frames = self._add_frames(f"{WORLD}/rover", film)
         self.rims = self._add_shapes(f"{WORLD}/rover", shapes, None)
         self.ghost_frames = []
@@ -99,22 +110,6 @@ class Stage:
         for last_frame, line in self.tracks:
             if line.visible != (last_frame <= frame):
                 line.visible = last_frame <= frame
-
-    def _add_ground(self, film: Film) -> None:
-        """Add the terrain to the scene: one mesh for each soil, and the lines that are drawn across the terrain."""
-        for patch in patches(film.terrain, film.box):
-            colour = SOILS[min(patch.soil, len(SOILS) - 1)]
-            self.scene.add_mesh_simple(
-                f"{WORLD}/ground/{patch.soil}",
-                _page_points(patch.vertices),
-                patch.faces.astype(np.uint32),
-                color=colour,
-                flat_shading=True,
-                side="double",
-            )
-        self.scene.add_line_segments(
-            f"{WORLD}/ground/lines", _page_points(ruled_lines(film.terrain, film.box)), (120, 100, 70), thickness=0.0015
-        )
 
     def _add_frames(self, root: str, film: Film) -> dict[str, Any]:
         """Add a node to the scene for each link, below the node `root`; return name of a link -> node. A node has the
