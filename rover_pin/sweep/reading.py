@@ -12,7 +12,7 @@ from rover_pin.base.trust import Trust
 from rover_pin.base.units import UNITS, USUAL, factor_to
 from rover_pin.scenarios.drive_file import is_drive_file
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.sweep.plan import Axis, Grid, LatinHypercube, LogRange, Plan, Range, Sobol, Values, kind_of
+from rover_pin.sweep.plan import Axis, Grid, LatinHypercube, LogRange, Range, Sobol, Values, kind_of
 from rover_pin.sweep.study import Study
 
 PLANS: dict[str, type[Any]] = {"grid": Grid, "latin-hypercube": LatinHypercube, "sobol": Sobol}
@@ -78,21 +78,18 @@ def _study(table: dict[str, Any], trust: Trust) -> Study:
             except ParameterError as error:
                 raise ParameterError(f"setting '{name}': {error}") from error
         settings[name] = entry
-    others = {name: value for name, value in table.items() if name not in ("plan", "parameters", "settings")}
-    return Study(**others, plan=_plan(table["plan"]), parameters=axes, settings=settings, trust=trust)
-
-
-def _plan(entry: Any) -> Plan:
-    if not isinstance(entry, Mapping) or "kind" not in entry:
+    plan = table["plan"]
+    if not isinstance(plan, Mapping) or "kind" not in plan:
         raise ParameterError('the plan has no kind: write for example plan = { kind = "sobol", cases = 64 }.')
-    # All further keys of the table are arguments of the plan's class.
-    kind = _choice_of(entry["kind"], PLANS, "plan")
-    arguments = {name: value for name, value in entry.items() if name != "kind"}
-    _check_keys(arguments, [field.name for field in dataclasses.fields(kind)], f"the plan '{entry['kind']}'")
+    # All further keys of the plan's table are arguments of the plan's class.
+    kind = _choice_of(plan["kind"], PLANS, "plan")
+    arguments = {name: value for name, value in plan.items() if name != "kind"}
+    _check_keys(arguments, [field.name for field in dataclasses.fields(kind)], f"the plan '{plan['kind']}'")
     # Only a grid has as many cases as its lists give; every other plan needs their number.
     if kind is not Grid and "cases" not in arguments:
-        raise ParameterError(f"the plan '{entry['kind']}' has no 'cases': add the number of cases.")
-    return kind(**arguments)
+        raise ParameterError(f"the plan '{plan['kind']}' has no 'cases': add the number of cases.")
+    others = {name: value for name, value in table.items() if name not in ("plan", "parameters", "settings")}
+    return Study(**others, plan=kind(**arguments), parameters=axes, settings=settings, trust=trust)
 
 
 def _flat(table: Any, where: str, prefix: str = "") -> list[tuple[str, Any]]:

@@ -46,23 +46,17 @@ class Store:
         self.study = study
         self.rows = Journal(folder / ROWS)
         try:
-            self._claim()
+            # The folder holds the description of its study. If it already has one, it must be equal.
+            folder.mkdir(parents=True, exist_ok=True)
+            if (folder / STUDY_FILE).exists():
+                _refuse_change(folder, known_study(folder), study)
+            elif any(entry.name != LOCK and entry.suffix != ".tmp" for entry in folder.iterdir()):
+                raise DataError(f"{folder}: the folder is not empty and holds no sweep; name a new folder.")
+            else:
+                write_whole(folder / STUDY_FILE, json.dumps(study, indent=2, ensure_ascii=False) + "\n")
             self.rows.repair()
         except OSError as error:
             raise DataError(f"{folder}: the folder cannot be used for results: {error.strerror}.") from error
-
-    def _claim(self) -> None:
-        """Write the description of the study into the folder. If the folder already has a description, raise an error
-        unless it is equal.
-        """
-        self.folder.mkdir(parents=True, exist_ok=True)
-        if (self.folder / STUDY_FILE).exists():
-            _refuse_change(self.folder, known_study(self.folder), self.study)
-        elif any(entry.name != LOCK and entry.suffix != ".tmp" for entry in self.folder.iterdir()):
-            raise DataError(f"{self.folder}: the folder is not empty and holds no sweep; name a new folder.")
-        else:
-            text = json.dumps(self.study, indent=2, ensure_ascii=False) + "\n"
-            write_whole(self.folder / STUDY_FILE, text)
 
     def append(self, row: Row) -> None:
         """Write the row of a finished case to the disk, so that it is kept if the process stops."""

@@ -201,7 +201,12 @@ class Study:
             # cases have the same key and seed.
             digest = canonical(values)
             for _ in range(self.repeats):
-                cases.append(Case(len(cases), self._key(values, counts[digest]), values, counts[digest]))
+                # The key is a digest of the scenario, all settings, the values and the number of the repeat. The plan
+                # and the name of the study are not part of it, so that a point keeps its seed in a larger plan.
+                repeat = counts[digest]
+                content = [self.scenario, self.settings, self.duration, self.dt, str(self.seed), values, repeat]
+                key = hashlib.sha256(canonical(content).encode()).hexdigest()[:24]
+                cases.append(Case(len(cases), key, values, repeat))
                 counts[digest] += 1
         return cases
 
@@ -214,16 +219,6 @@ class Study:
         plain["parameters"] = {name: _plain(axis) for name, axis in self.parameters.items()}
         plain["settings"] = dict(self.settings)
         return json.loads(json.dumps(plain))
-
-    def _key(self, values: Mapping[str, Any], repeat: int) -> str:
-        """Return the key of one run, a digest of the scenario, all settings, the values of the parameters and the
-        number of the repeat.
-
-        The plan and the name of the study are not part of the digest, so that a point keeps its seed in a larger
-        plan.
-        """
-        content = [self.scenario, self.settings, self.duration, self.dt, str(self.seed), values, repeat]
-        return hashlib.sha256(canonical(content).encode()).hexdigest()[:24]
 
 
 def canonical(content: Any) -> str:
