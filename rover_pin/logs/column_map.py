@@ -85,7 +85,18 @@ def mapped_column(name: str, entry: Any, columns: Mapping[str, np.ndarray], wher
     """
     # A text is a column's name if such a column exists, else a formula.
     table = {"column" if entry in columns else "formula": entry} if isinstance(entry, str) else entry
-    _refuse_strange(table, where)
+    if not isinstance(table, Mapping) or len({"column", "formula"} & table.keys()) != 1:
+        raise DataError(
+            f"{where} = {table!r} states no source of the channel: write the name of a column, {{ column = '...' }} or "
+            "{ formula = '...' }."
+        )
+    # Python counts True as an int, so that `scale = true` needs its own check.
+    for key, value in table.items():
+        if key not in KEYS:
+            raise DataError(f"{where} has an unknown key '{key}': {closest(key, KEYS)}")
+        kind: tuple[type, ...] = (int, float) if key in ("scale", "offset") else (str,)
+        if not isinstance(value, kind) or isinstance(value, bool):
+            raise DataError(f"{where}: {key} = {value!r} must be {'a number' if float in kind else 'text'}.")
     if table.get("column", next(iter(columns))) not in columns:
         raise DataError(f"{where}: there is no column '{table['column']}': {closest(table['column'], columns)}")
     values = columns[table["column"]] if "column" in table else evaluate(table["formula"], columns, where)
@@ -95,21 +106,3 @@ def mapped_column(name: str, entry: Any, columns: Mapping[str, np.ndarray], wher
         return values * to_si(1.0, table["unit"], unit_of(name), where) if table.get("unit") else values
     except ParameterError as error:
         raise DataError(str(error)) from error
-
-
-def _refuse_strange(entry: Any, where: str) -> None:
-    """Raise DataError unless an entry of [columns] has either `column` or `formula`, only known keys, and values of the
-    right type.
-    """
-    if not isinstance(entry, Mapping) or len({"column", "formula"} & entry.keys()) != 1:
-        raise DataError(
-            f"{where} = {entry!r} states no source of the channel: write the name of a column, {{ column = '...' }} or "
-            "{ formula = '...' }."
-        )
-    # Python counts True as an int, so that `scale = true` needs its own check.
-    for key, value in entry.items():
-        if key not in KEYS:
-            raise DataError(f"{where} has an unknown key '{key}': {closest(key, KEYS)}")
-        kind: tuple[type, ...] = (int, float) if key in ("scale", "offset") else (str,)
-        if not isinstance(value, kind) or isinstance(value, bool):
-            raise DataError(f"{where}: {key} = {value!r} must be {'a number' if float in kind else 'text'}.")

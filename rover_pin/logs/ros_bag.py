@@ -82,35 +82,30 @@ def sources_from(columns: Mapping[str, Any], where: str) -> dict[str, Source]:
             "channel: add lines such as duty_fl = { topic = '...', field = '...' }."
         )
     # One wrong entry refuses the table, because a missing channel would change the result silently.
-    return {name: _source(name, entry, where) for name, entry in columns.items()}
-
-
-def _source(name: str, entry: Any, where: str) -> Source:
-    """Return the source of one column in a ROS bag, after checking its entry of [columns].
-
-    If the entry does not state `hold`, a duty keeps its value until the next message and other columns are
-    interpolated.
-    """
-    if not isinstance(entry, Mapping) or not {"topic", "field"} <= entry.keys():
-        raise DataError(
-            f"{where}: [columns] {name} = {entry!r} must state a topic and a field of the ROS bag: write "
-            "{ topic = '...', field = '...' }."
-        )
-    # bool is a kind of int in Python, so that scale = true must be refused explicitly.
-    for key, value in entry.items():
-        if key not in KEYS:
-            raise DataError(f"{where}: [columns] {name} has an unknown key '{key}': {closest(key, KEYS)}")
-        kind = {"scale": (int, float), "hold": (bool,)}.get(key, (str,))
-        if not isinstance(value, kind) or (key == "scale" and isinstance(value, bool)):
-            words = {float: "a number", bool: "true or false", str: "text"}
-            raise DataError(f"{where}: [columns] {name}: {key} = {value!r} must be {words[kind[-1]]}.")
-    for path in (entry["field"], entry.get("stamp", "")):
-        if path and not all(PART.fullmatch(part) for part in parts(path)):
+    sources = {}
+    for name, entry in columns.items():
+        if not isinstance(entry, Mapping) or not {"topic", "field"} <= entry.keys():
             raise DataError(
-                f"{where}: [columns] {name}: '{path}' is not the path of a field in a message: write it as a.b, a[3] "
-                "or a[name=b]."
+                f"{where}: [columns] {name} = {entry!r} must state a topic and a field of the ROS bag: write "
+                "{ topic = '...', field = '...' }."
             )
-    return Source(**{"hold": name.startswith("duty_"), **entry})
+        # bool is a kind of int in Python, so that scale = true must be refused explicitly.
+        for key, value in entry.items():
+            if key not in KEYS:
+                raise DataError(f"{where}: [columns] {name} has an unknown key '{key}': {closest(key, KEYS)}")
+            kind = {"scale": (int, float), "hold": (bool,)}.get(key, (str,))
+            if not isinstance(value, kind) or (key == "scale" and isinstance(value, bool)):
+                words = {float: "a number", bool: "true or false", str: "text"}
+                raise DataError(f"{where}: [columns] {name}: {key} = {value!r} must be {words[kind[-1]]}.")
+        for path in (entry["field"], entry.get("stamp", "")):
+            if path and not all(PART.fullmatch(part) for part in parts(path)):
+                raise DataError(
+                    f"{where}: [columns] {name}: '{path}' is not the path of a field in a message: write it as a.b, "
+                    "a[3] or a[name=b]."
+                )
+        # Without `hold`, a duty keeps its value until the next message, and other columns are interpolated.
+        sources[name] = Source(**{"hold": name.startswith("duty_"), **entry})
+    return sources
 
 
 def parts(field: str) -> list[str]:
@@ -284,27 +279,41 @@ class _Messages:
         """Read the bag, and return for each column of the run its increasing times [ns] and its values, both
         (messages,).
         """
-        with open_bag(self.path) as bag:
-            self._pass(bag)
-        return {name: self._arrays(name) for name in self.sources}
-
-    def _pass(self, bag: Any) -> None:
-        """Read all messages of the bag once and collect the values of every column."""
         # Each topic may feed several columns, so messages are decoded once for all of them.
         topics: dict[str, list[str]] = {}
         for name, source in self.sources.items():
             topics.setdefault(source.topic, []).append(name)
-        for topic, names in topics.items():
-            if topic not in bag.topics:
+        with open_bag(self.path) as bag:
+            for topic, names in topics.items():
+                if topic not in bag.topics:
+                    raise DataError(
+                        f"{self.path}: there is no topic '{topic}' for {names[0]}: {closest(topic, bag.topics)}"
+                    )
+            # Other topics, such as images, are skipped without decoding.
+            wanted = [connection for connection in bag.connections if connection.topic in topics]
+            for connection, received, raw in bag.messages(connections=wanted):
+                message = bag.deserialize(raw, connection.msgtype)
+                for name in topics[connection.topic]:
+                    self._take(name, message, received)
+        arrays = {}
+        for name, source in self.sources.items():
+            times, values = self.found[name]
+            # The topic has messages, but none with the label: the labels that occur help to correct the entry.
+            if not times and self.seen[name]:
+                label = source.field.partition("=")[2].partition("]")[0]
                 raise DataError(
-                    f"{self.path}: there is no topic '{topic}' for {names[0]}: {closest(topic, bag.topics)}"
+                    f"{self.path}: no message of topic '{source.topic}' names '{label}', the label that {name} needs: "
+                    f"{closest(label, self.seen[name])}"
                 )
-        # Other topics, such as images, are skipped without decoding.
-        wanted = [connection for connection in bag.connections if connection.topic in topics]
-        for connection, received, raw in bag.messages(connections=wanted):
-            message = bag.deserialize(raw, connection.msgtype)
-            for name in topics[connection.topic]:
-                self._take(name, message, received)
+            if len(times) < 2:
+                raise DataError(
+                    f"{self.path}: topic '{source.topic}' has {len(times)} messages for {name}, but at least two are "
+                    "needed to interpolate: record more, or leave out this channel."
+                )
+            # Angles from quaternions lie in one turn and are unwrapped, so that interpolation does not cross the jump.
+            array, turns = np.array(values), source.field.rpartition(".")[2] in ANGLES
+            arrays[name] = (np.array(times, dtype=np.int64), np.unwrap(array) if turns else array)
+        return arrays
 
     def _take(self, name: str, message: Any, received: int) -> None:
         """Append the value of one message to a column. If several messages have one time, the last one replaces the
@@ -397,27 +406,6 @@ class _Messages:
                 f"{name} asks for [{index}], counted from 0: give a smaller index."
             )
         return value[index]
-
-    def _arrays(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return the times [ns] and values of one column as arrays. Angles computed from quaternions are unwrapped."""
-        times, values = self.found[name]
-        source = self.sources[name]
-        # The topic has messages, but none with the label: the labels that occur help to correct the entry.
-        if not times and self.seen[name]:
-            label = source.field.partition("=")[2].partition("]")[0]
-            raise DataError(
-                f"{self.path}: no message of topic '{source.topic}' names '{label}', the label that {name} needs: "
-                f"{closest(label, self.seen[name])}"
-            )
-        if len(times) < 2:
-            raise DataError(
-                f"{self.path}: topic '{source.topic}' has {len(times)} messages for {name}, but at least two are "
-                "needed to interpolate: record more, or leave out this channel."
-            )
-        array = np.array(values)
-        # Angles from quaternions lie in one turn and are unwrapped, so that interpolation does not cross the jump.
-        turns = source.field.rpartition(".")[2] in ANGLES
-        return np.array(times, dtype=np.int64), np.unwrap(array) if turns else array
 
 
 def nanoseconds(stamp: Any) -> int:

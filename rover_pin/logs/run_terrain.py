@@ -76,14 +76,10 @@ def run_terrain(table: Mapping[str, Any], run: Trace, rover: Rover, where: str) 
         raise DataError(
             f"{where} must have either slope = {{ value = 12, unit = 'deg' }} or estimated = true, and not both."
         )
-    return _plane(table["slope"], run, where) if "slope" in table else estimate_surface(run, rover)
-
-
-def _plane(entry: Any, run: Trace, where: str) -> Terrain:
-    """Return a plane through the middle of a run's positions. The plane rises by the declared slope along the first
-    heading.
-    """
-    value, unit = value_and_unit(entry, "rad")
+    if "slope" not in table:
+        return estimate_surface(run, rover)
+    # A declared slope is a plane through the middle of the run's positions, which rises along the first heading.
+    value, unit = value_and_unit(table["slope"], "rad")
     try:
         slope = to_si(value, unit, "rad", f"{where}: slope")
     except ParameterError as error:
