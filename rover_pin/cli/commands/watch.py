@@ -25,7 +25,8 @@ def watch(
 
     from rover_pin import plot
     from rover_pin.base.files.paths import data_path
-    from rover_pin.experiments.drive_log.model import base_model, has_current_scale
+    from rover_pin.effects.motion_resistance import MotionResistance
+    from rover_pin.experiments.drive_log.model import base_model, has_current_scale, undeclared_constants
     from rover_pin.logs.drive_log import read_drive_log
     from rover_pin.onboard.monitor.monitor import CAUSES, Monitor
     from rover_pin.onboard.monitor.recording import alarms, forecasts_of, monitor_input
@@ -55,5 +56,17 @@ def watch(
         f"{begin:.2f} to {end:.2f} s: {cause}, P(stuck) up to {p_stuck:.2f}, P(buried) up to {p_buried:.2f}"
         for begin, end, p_stuck, p_buried, cause in alarms(forecasts)
     ]
+    # A forecast holds for the soil, the motors and the resistance of the model only, so that undeclared ones are named.
+    records = {
+        "soil": watched_model.soils[0],
+        "motor": watched_model.motor,
+        "resistance": watched_model.effect(MotionResistance),
+    }
+    undeclared = [
+        f"[{title}] of the log does not declare {', '.join(values)}; the forecasts hold for "
+        + ", ".join(f"{name} = {value}" for name, value in values.items())
+        for title, values in undeclared_constants(drive_log, {} if model is not None else records).items()
+    ]
+    assumed = [*undeclared, *readings.assumed]
     result = {"run": trace.attrs["file"], "watched_s": float(readings.t[-1] - readings.t[0])}
-    report({**result, "alarms": lines, "assumed": list(readings.assumed), "files": [str(table), str(figure)]}, as_json)
+    report({**result, "alarms": lines, "assumed": assumed, "files": [str(table), str(figure)]}, as_json)

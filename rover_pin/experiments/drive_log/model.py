@@ -13,7 +13,7 @@ from functools import partial
 from typing import Any
 
 from rover_pin.base.errors import DataError
-from rover_pin.base.quantity import declared_sds, quantities, record_from
+from rover_pin.base.quantity import Record, declared_sds, quantities, record_from
 from rover_pin.contact import Soil
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.effects.motion_resistance import MotionResistance
@@ -73,6 +73,11 @@ RESISTANCE_SD, UNDECLARED_RESISTANCE_SD, UNDECLARED_DECAY_SD = 0.25, 0.15, 1.0
 """Prior relative SD of a motion resistance R that is declared without an SD; prior SD of an R, and of its decay q, if
 they are not declared (assumed: wheels on loose sand roll at 0 to 0.3 of their load; q may have any allowed value)."""
 
+DECIDING_CONSTANTS = {
+    "soil": ("phi", "k", "k_1"), "motor": ("supply", "resistance", "k_t", "gear"), "resistance": ("R",),
+}  # fmt: skip
+"""Table of drive.toml -> the constants in it that decide most how a rover drives. If a log does not declare one of
+them, commands that use the log print the assumed value."""
 TABLES = {
     "soil": "soil", "motor": "motor", "MotionResistance": "resistance", "TrackerScale": "tracker",
     "TrackingDelay": "tracker", "TrackedPoint": "tracker",
@@ -157,6 +162,34 @@ def _inertial_zeros(log: DriveLog) -> tuple[SensorBias, ...]:
 def usual_soil(rover: Rover) -> Soil:
     """Return the soil whose constants are used where a log declares none: a soil on which the rover can drive."""
     return DRIVEN_SAND if has_papers_wheel(rover) else own_soil(rover).value
+
+
+def undeclared_constants(log: DriveLog, records: Mapping[str, Record]) -> dict[str, dict[str, str]]:
+    """Return the constants that decide how a rover drives and that a log does not declare, with their assumed values.
+
+    Parameters
+    ----------
+    log : DriveLog
+        Its file drive.toml has tables with the declared constants.
+    records : mapping
+        Table of drive.toml (`soil`, `motor`, `resistance`) -> record with the values that are used.
+
+    Returns
+    -------
+    dict
+        Table -> name of the constant -> assumed value with its unit. A table whose constants are all declared is left
+        out. Example: `{"soil": {"phi": "0.5236 rad", "k": "0.005 m", "k_1": "5.421e+04 Pa"}}`.
+    """
+    declared = {"soil": log.metadata.soil, "motor": log.metadata.motor, "resistance": log.metadata.resistance}
+    missing = {
+        title: {
+            name: f"{float(getattr(record, name)):.4g} {quantities(record)[name].unit}".strip()
+            for name in DECIDING_CONSTANTS[title]
+            if name not in declared[title]
+        }
+        for title, record in records.items()
+    }
+    return {title: values for title, values in missing.items() if values}
 
 
 def is_rate_driven(log: DriveLog) -> bool:

@@ -7,7 +7,7 @@ decreasing times, text in place of numbers, duties in percent, and undeclared wh
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from rover_pin.base.errors import DataError
@@ -25,7 +25,7 @@ from rover_pin.experiments.drive_log.checks.run_blocks import (
 )
 from rover_pin.experiments.drive_log.excluded_rows import lanes_under, white_noise_sd
 from rover_pin.experiments.drive_log.features import BLOCK, logged_run
-from rover_pin.experiments.drive_log.model import is_rate_driven, usual_soil
+from rover_pin.experiments.drive_log.model import is_rate_driven, undeclared_constants, usual_soil
 from rover_pin.logs.drive_log import FILE, NOISE, DriveLog, kind_of
 from rover_pin.logs.run_terrain import is_of_run
 from rover_pin.measurements.checks import Finding, merge_findings
@@ -33,11 +33,6 @@ from rover_pin.rover.wheel_base import base_of
 from rover_pin.simulation.model.defaults import own_motor
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.terrain.files import LARGEST
-
-SOIL = ("phi", "k", "k_1")
-MOTOR = ("supply", "resistance", "k_t", "gear")
-"""Numbers of a soil (SOIL) and of a motor (MOTOR) that the loop needs most. If a log does not declare them, a note is
-given."""
 
 MAX_WHEEL_ERROR = 0.02
 """Maximum relative difference between a declared wheel radius or width and the radius or width of the rover's wheel. A
@@ -255,18 +250,14 @@ def declared_findings(log: DriveLog) -> Iterator[Finding]:
     samples scatter by more than MAX_NOISE_RATIO times the declared SD.
     """
     rover = log.load_rover()
-    kinds: list[tuple[str, Mapping[str, Any], tuple[str, ...], Record]] = [
-        ("soil", log.metadata.soil, SOIL, usual_soil(rover)),
-        ("motor", log.metadata.motor, MOTOR, own_motor(rover).value),
-    ]
-    for title, table, names, record in kinds[:1] if is_rate_driven(log) else kinds:
+    records: dict[str, Record] = {"soil": usual_soil(rover)}
+    # Without duties, a replay holds the wheels to their rates, so that the motor does not matter.
+    if not is_rate_driven(log):
+        records["motor"] = own_motor(rover).value
+    for title, values in undeclared_constants(log, records).items():
         # The assumed values are printed, so that the reader sees what the loop would use.
-        undeclared = [name for name in names if name not in table]
-        if undeclared:
-            specs = quantities(record)
-            assumed = (f"{float(getattr(record, name)):.4g} {specs[name].unit}".strip() for name in undeclared)
-            what = f"[{title}] does not declare {', '.join(undeclared)}, so {', '.join(assumed)} are assumed"
-            yield Finding(what, FILE, f"a wrong {title} can look like a missing effect: declare the known numbers")
+        what = f"[{title}] does not declare {', '.join(values)}, so {', '.join(values.values())} are assumed"
+        yield Finding(what, FILE, f"a wrong {title} can look like a missing effect: declare the known numbers")
     # Only the channel with the largest scatter of each kind is compared with [noise], so that a kind has one note.
     largest: dict[str, tuple[float, str, str]] = {}
     for run in log.runs:
