@@ -1,4 +1,4 @@
-"""A planetary rover on loose soil: slip-based traction (CasADi), rigid-body dynamics (Pinocchio), and control.
+"""A planetary rover on loose soil: slip-based traction (CasADi), rigid bodies (Pinocchio's model), and control.
 
 The names below are imported on first use, so that `import rover_pin` takes hardly any time. All other names are
 imported from their own modules, for example batch studies from `rover_pin.sweep`.
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rover_pin.scenarios.sensitivities import sensitivities
     from rover_pin.simulation.model.model import Model
     from rover_pin.simulation.model.motor import Motor
-    from rover_pin.simulation.simulate import plain_simulate, simulate
+    from rover_pin.simulation.simulate import simulate
     from rover_pin.simulation.trace.trace import Trace
     from rover_pin.soil.wheel_forces import load_traction_factor, wheel_forces
     from rover_pin.tuning.improve import improve
@@ -56,7 +56,6 @@ __all__ = [
     "linear_model",
     "load_rover",
     "load_traction_factor",
-    "plain_simulate",
     "scenario",
     "sensitivities",
     "simulate",
@@ -78,7 +77,7 @@ _HOMES = {
     "loop.identify": ("identify",),
     "simulation.model.model": ("Model",),
     "simulation.model.motor": ("Motor",),
-    "simulation.simulate": ("plain_simulate", "simulate"),
+    "simulation.simulate": ("simulate",),
     "simulation.trace.trace": ("Trace",),
     "parameters": ("SOILS",),
     "scenarios.scenario": ("scenario",),

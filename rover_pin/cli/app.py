@@ -18,7 +18,7 @@ from rover_pin.base.trust import Trust
 from rover_pin.cli import commands
 from rover_pin.cli.commands.bands import bands, refuse_of_one_model
 from rover_pin.cli.commands.view import SEEN, open_page, requested_files, write_requested
-from rover_pin.cli.completing import scenario_names
+from rover_pin.cli.completing import engine_names, scenario_names
 from rover_pin.cli.options import (
     Add,
     AsJson,
@@ -113,6 +113,15 @@ def drive(
     open_: Open = False,
     effects: Effects = None,
     trust: Trusted = False,
+    engine: Annotated[
+        str,
+        typer.Option(
+            "--engine",
+            autocompletion=engine_names,
+            help="What computes the rigid bodies in a step: compiled (generated C), or Pinocchio's own algorithms, "
+            "pinocchio-crba or pinocchio-aba, as a slow reference.",
+        ),
+    ] = "compiled",
     out: Out = Path("out/drive"),
     as_json: AsJson = False,
 ) -> None:
@@ -122,7 +131,9 @@ def drive(
     diverged.
     """
     from rover_pin.scenarios.scenario import scenario as ready
+    from rover_pin.simulation.engines import engine_named
 
+    engine_named(engine)  # an unknown name is refused before results of an earlier drive are removed
     settings = drive_settings(set_, rover=rover, control=control, gravity=gravity, soil=soil, model=model, add=add)
     # Naming a controller's file on the command line is the consent to run it, as with --effects.
     own = Path(control) if control.endswith(".py") else None
@@ -132,7 +143,7 @@ def drive(
         # Pages, films and drive files hold a single drive, so they are refused before the models are driven.
         refuse_of_one_model([*views, *([str(save)] if save else [])], model)
         with stoppable(out, ("bands.csv", "bands.png")), alone_in(out):
-            report(bands(scenario, model, settings, out), as_json)
+            report(bands(scenario, model, settings, out, engine), as_json)
         return
     chosen = ready(scenario, **settings)
     if save is not None:
@@ -142,15 +153,15 @@ def drive(
     # Views of an earlier drive would otherwise be taken for views of this one.
     untouched = [name for name in SEEN if name not in views]
     with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *views), untouched), alone_in(out):
-        _drive_scenario(chosen, views, out, as_json)
+        _drive_scenario(chosen, engine, views, out, as_json)
     # The browser opens only after the lock on the folder has been released.
     if open_:
         open_page(out)
 
 
-def _drive_scenario(chosen: Any, views: list[str], out: Path, as_json: bool) -> None:
+def _drive_scenario(chosen: Any, engine: str, views: list[str], out: Path, as_json: bool) -> None:
     with progress(f"driving {chosen.name}", chosen.duration, silent=as_json) as advance:
-        trace = chosen.drive(advance)
+        trace = chosen.drive(advance, engine=engine)
     log.debug("driven: %d rows of the trace", len(trace["t_s"]))
     # A drive that diverges at once has no rows, and so neither log nor figures.
     result: dict[str, Any] = {"scenario": chosen.name, **trace.summary()}

@@ -25,6 +25,13 @@ def scenario_names(begun: str) -> list[str]:
     return [name for name in SCENES if name.startswith(begun)]
 
 
+def engine_names(begun: str) -> list[str]:
+    """Return the names of the engines that begin with the letters typed so far."""
+    from rover_pin.simulation.engines import ENGINES
+
+    return [name for name in ENGINES if name.startswith(begun)]
+
+
 def soil_names(begun: str) -> list[str]:
     """Return the names of the soils that begin with the letters typed so far."""
     from rover_pin.parameters import SOILS

@@ -10,6 +10,7 @@ import numpy as np
 from rover_pin.base.jobs.cluster import results
 from rover_pin.base.public import brief
 from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.engines import COMPILED
 from rover_pin.simulation.outcome.outcome import drive_outcome
 
 FAILED = ("stuck", "stalled", "slid back", "ended")
@@ -70,7 +71,7 @@ class Bands:
 
 
 def drive_on_models(
-    name: str, files: Sequence[str | Path], settings: dict[str, Any], workers: int | None = None
+    name: str, files: Sequence[str | Path], settings: dict[str, Any], workers: int | None = None, engine: str = COMPILED
 ) -> Bands:
     """Drive the scenario `name` on the model in each file, and return the results of all drives at common times.
 
@@ -84,6 +85,8 @@ def drive_on_models(
         Settings of `scenario` except `model`.
     workers : int, optional
         Number of processes; by default one for each core.
+    engine : str
+        The engine that computes the steps (see `simulate`).
 
     Raises
     ------
@@ -92,7 +95,7 @@ def drive_on_models(
     """
     # Building one scenario first refuses wrong settings at once, before any process starts.
     scenario(name, **{**settings, "model": str(files[0])})
-    jobs = [(name, str(file), settings) for file in files]
+    jobs = [(name, str(file), settings, engine) for file in files]
     drives = list(results(_drive_scenario, jobs, workers or -1))
     # All drives are recorded at the same interval, so the longest list of times contains all others.
     t = max((times for times, *_ in drives), key=len)
@@ -106,13 +109,13 @@ def drive_on_models(
     return Bands(t, x, slip, sinkage, tuple(kind in FAILED for kind in kinds), buried, sentences)
 
 
-def _drive_scenario(name: str, file: str, settings: dict[str, Any]) -> tuple[Any, ...]:
-    """Drive the scenario `name` on the model in `file`, and return what `Bands` needs of the drive.
+def _drive_scenario(name: str, file: str, settings: dict[str, Any], engine: str) -> tuple[Any, ...]:
+    """Drive the scenario `name` on the model in `file` with an engine, and return the results that `Bands` needs.
 
     The result is a tuple of times [s] (T,), x [m] (T,), slip as the mean over the wheels (T,), largest sinkage [m]
     (T,), kind of outcome, reason of an early end, and outcome as a sentence.
     """
-    trace = scenario(name, **{**settings, "model": file}).drive(measure_error=False)
+    trace = scenario(name, **{**settings, "model": file}).drive(measure_error=False, engine=engine)
     # A trace that lacks the channels for an outcome has none; its drive does not count as stuck.
     outcome = drive_outcome(trace)
     kind, sentence = ("", "not known") if outcome is None else (outcome.kind, outcome.sentence)

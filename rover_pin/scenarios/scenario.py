@@ -36,6 +36,7 @@ from rover_pin.scenarios.controllers import controller_from, drives_straight, tu
 from rover_pin.scenarios.drive_file import is_drive_file, with_drive_file, write_drive
 from rover_pin.scenarios.scenes import SCENES, Scene, scale_arguments
 from rover_pin.simulation.command import Controller
+from rover_pin.simulation.engines import COMPILED
 from rover_pin.simulation.model.defaults import pace, scale, usual_angles
 from rover_pin.simulation.model.effect_words import having, words_of
 from rover_pin.simulation.model.model import Model
@@ -103,7 +104,7 @@ class Scenario:
     """the settings that make this drive again, for `save`; None if the object was not made by `scenario`"""
 
     @public
-    def drive(self, progress: Progress | None = None, *, measure_error: bool = True) -> Trace:
+    def drive(self, progress: Progress | None = None, *, measure_error: bool = True, engine: str = COMPILED) -> Trace:
         """Simulate the drive, and return its trace (the recorded channels).
 
         Parameters
@@ -112,6 +113,8 @@ class Scenario:
             Called with the simulated time [s] during the drive.
         measure_error : bool
             Whether the drive is repeated with half the step until its error is known (see `simulate`).
+        engine : str
+            The engine that computes the steps: "compiled", "pinocchio-crba" or "pinocchio-aba" (see `simulate`).
 
         Raises
         ------
@@ -128,6 +131,7 @@ class Scenario:
             symmetric=self.symmetric,
             progress=progress,
             measure_error=measure_error,
+            engine=engine,
         )
         attributes = {
             "scenario": self.name,

@@ -31,7 +31,7 @@ Progress = Callable[[float], None]
 
 class Stepper(AdjustableStepper, Protocol):
     """The object that advances a drive by one step and holds the arrays of the drive. It is either `Kernel` (the
-    compiled step) or `PlainStepper` (this step in NumPy). `native/shared.py` documents the arrays.
+    compiled step) or `PlainStepper` (this step in NumPy and Pinocchio). `native/shared.py` documents the arrays.
     """
 
     record: np.ndarray

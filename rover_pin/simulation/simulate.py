@@ -9,14 +9,12 @@ from typing import Any
 from rover_pin.base.errors import SimulationError
 from rover_pin.base.public import public
 from rover_pin.simulation.command import Controller
-from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.driving import Progress, RunningDrive, run_compiled
+from rover_pin.simulation.driving import Progress, RunningDrive
+from rover_pin.simulation.engines import COMPILED, engine_named
 from rover_pin.simulation.model.model import Model, implausible
 from rover_pin.simulation.outcome.audit import balance_warning, load_warning, pivot_warning, stops_note
 from rover_pin.simulation.outcome.outcome import HELD_SINCE, drive_outcome
 from rover_pin.simulation.outcome.soil_energy import energy_warning
-from rover_pin.simulation.plain.run import run_plain
-from rover_pin.simulation.plain.step import PlainStepper
 from rover_pin.simulation.start import SetDown, Start, hovering, set_down
 from rover_pin.simulation.state import DriveEnd, DriveState, StepperState
 from rover_pin.simulation.stepping.resolution import parts
@@ -45,6 +43,7 @@ def simulate(
     symmetric: bool = False,
     progress: Progress | None = None,
     measure_error: bool = True,
+    engine: str = COMPILED,
 ) -> Trace:
     """Simulate a drive of `model` under `controller` for `duration` [s], and return the trace: the recorded channels
     over time.
@@ -74,6 +73,8 @@ def simulate(
         causes. While this error exceeds `timing.tolerance`, the step is halved further, up to 16 times
         (`timing.MAX_REFINEMENT`). Most drives take three times the time of a drive with `measure_error=False`, which
         drives once. A user-supplied controller is not called again; the stated error holds for the commands it gave.
+    engine : str
+        The engine that computes the steps: "compiled", "pinocchio-crba" or "pinocchio-aba" (see Notes).
 
     Returns
     -------
@@ -83,13 +84,33 @@ def simulate(
         `attrs["step_error_m"]` is the estimated error of x and y [m], and `attrs["step_error_load"]` the estimated
         error of the wheels' mean loads, divided by these loads (`StepChange.errors`). If no step size kept the
         tolerance, a warning states this. Both errors are missing if they could not be measured: in a continued drive,
-        and under a user-supplied controller whose commands change between rows.
+        and under a user-supplied controller whose commands change between rows. `attrs["engine"]` names the engine if
+        it is not the compiled one.
 
     Raises
     ------
     SimulationError
         The drive cannot start: the rover does not come to rest at its start, the ground is not symmetric, or the times
         do not fit together.
+    ParameterError
+        There is no such engine, or the compiled engine does not know a joint of the rover, or has no room for all its
+        joints.
+
+    Notes
+    -----
+    Every engine takes the same step (`simulation/plain/step.py` contains its equations) over the same model, which
+    Pinocchio builds from the URDF. The engines differ in who computes the motion of the rigid bodies:
+
+    - "compiled": C code. CasADi generates its mass matrix, bias force, frames and Jacobians from a recursion over
+      Pinocchio's model (`simulation/native/rigid_body.py`); no algorithm of Pinocchio computes a step.
+    - "pinocchio-crba": Pinocchio's `crba`, `nonLinearEffects`, frames and Jacobians, in NumPy. The differential is a
+      constraint with a multiplier.
+    - "pinocchio-aba": the same with Pinocchio's `aba`. The differential is a correction of rank one.
+
+    The traces are equal up to round-off. The engines of Pinocchio support everything that the compiled one does:
+    controllers, sensors, effects with states, the error estimate, and drives that continue a drive, also one of another
+    engine. They take about 250 times as long. They also drive rovers whose joints the compiled engine does not know,
+    but only from a `DriveState`: if `start` is a `Start`, compiled code sets the rover down for every engine.
 
     Examples
     --------
@@ -99,59 +120,20 @@ def simulate(
     >>> fast = simulate(flat, lambda reading: 0.6, 2.0)
     >>> bool(0.0 < slow["body_x"][-1] < fast["body_x"][-1]), slow.units["body_x"]
     (True, 'm')
-    """
-    job = DriveJob(Kernel, run_compiled, model, controller, duration, timing, symmetric, progress, measure_error)
-    return _simulate(job, start)
-
-
-@public
-def plain_simulate(
-    model: Model,
-    controller: Controller,
-    duration: float,
-    start: Start | DriveState | DriveEnd = Start(),
-    timing: Timing = Timing(),
-    *,
-    symmetric: bool = False,
-    progress: Progress | None = None,
-    measure_error: bool = True,
-) -> Trace:
-    """Simulate a drive like `simulate`, but with the readable step in NumPy. It is far slower, and its results equal
-    the results of `simulate` up to round-off.
-
-    The tests compare the compiled step with this function. If `start` is a `DriveState`, no C compiler is needed. If
-    `start` is a `Start`, a compiler is needed, because compiled code sets the rover down.
-
-    Parameters
-    ----------
-    model, controller, duration, start, timing, symmetric, progress, measure_error
-        See `simulate`.
-
-    Returns
-    -------
-    Trace
-        See `simulate`.
-
-    Raises
-    ------
-    SimulationError
-        See `simulate`.
-
-    Examples
-    --------
-    >>> from rover_pin import ConstantDuty, scenario
-    >>> flat = scenario("flat").model
-    >>> plain, compiled = (drive(flat, ConstantDuty(), 0.1) for drive in (plain_simulate, simulate))
-    >>> bool(abs(plain["body_x"][-1] - compiled["body_x"][-1]) < 1e-9)
+    >>> compiled, reference = (
+    ...     simulate(flat, lambda reading: 0.3, 0.1, engine=engine) for engine in ("compiled", "pinocchio-aba")
+    ... )
+    >>> bool(abs(compiled["body_x"][-1] - reference["body_x"][-1]) < 1e-9)
     True
     """
-    job = DriveJob(PlainStepper, run_plain, model, controller, duration, timing, symmetric, progress, measure_error)
-    return _simulate(job, start)
+    job = DriveJob(engine_named(engine), model, controller, duration, timing, symmetric, progress, measure_error)
+    # The trace of the default engine does not name it, so that stored traces stay equal.
+    return _simulate(job, start, {} if engine == COMPILED else {"engine": engine})
 
 
-def _simulate(job: DriveJob, start: Start | DriveState | DriveEnd) -> Trace:
+def _simulate(job: DriveJob, start: Start | DriveState | DriveEnd, attrs: dict[str, Any]) -> Trace:
     """Check the inputs of a drive, set the rover down at its start or continue an earlier drive, drive with steps that
-    keep the tolerance, and return the trace.
+    keep the tolerance, and return the trace. `attrs` are attributes that the trace gets.
     """
     model, duration, timing, symmetric = job.model, job.duration, job.timing, job.symmetric
     if not (math.isfinite(duration) and duration > 0.0):
@@ -171,15 +153,15 @@ def _simulate(job: DriveJob, start: Start | DriveState | DriveEnd) -> Trace:
         state, model = start.state.copy(), model.begin_at(*start.place)
         start.refuse_other(timing, symmetric, hovering(model, Start()))
         # The stepper gets back all its arrays, so that the next step equals that of a drive without interruption.
-        stepper = job.stepper(model, state, start.fine.dt, symmetric)
+        stepper = job.engine.stepper(model, state, start.fine.dt, symmetric)
         stepper.restore(start.stepper_state.moving)
         stepper.duty[:], stepper.servo_target[:] = start.stepper_state.duty, start.stepper_state.servo
         drive = RunningDrive(model, state, stepper, job.controller, start.fine, start.checkpoint)
-        return _drive_trace(job, continue_drive(job, drive), start.place, {})
+        return _drive_trace(job, continue_drive(job, drive), start.place, attrs)
     # Ground that is too stiff for any step is refused before the rover is set down on it.
     parts(model, start if isinstance(start, DriveState) else hovering(model, start), timing.dt)
     begin = SetDown(start.copy(), "") if isinstance(start, DriveState) else set_down(model, start, symmetric)
-    attrs = {"set_down": begin.standing} if begin.standing else {}
+    attrs |= {"set_down": begin.standing} if begin.standing else {}
     return _drive_trace(job, drive_to_tolerance(job, begin.state), place_of(begin.state), attrs)
 
 
@@ -189,7 +171,7 @@ def set_out(
     """Set a rover down at rest at `start`, and return a drive that has not yet moved. The caller, for example the FMI
     model of a rover, then advances this drive step by step with the compiled step.
     """
-    job = DriveJob(Kernel, run_compiled, model, controller, duration, timing, symmetric, None, False)
+    job = DriveJob(engine_named(COMPILED), model, controller, duration, timing, symmetric, None, False)
     return begin_drive(job, set_down(model, start, job.symmetric).state)
 
 

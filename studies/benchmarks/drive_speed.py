@@ -186,7 +186,7 @@ def plain(case: Scenario, duration: float, ours: float) -> float:
     }
     # Process time counts this process only, so other work on the machine does not enter.
     begin = time.process_time()
-    trace = motion.plain_simulate(case.model, case.controller, duration, **options)
+    trace = motion.simulate(case.model, case.controller, duration, **options, engine="pinocchio-crba")
     seconds = time.process_time() - begin
     off = abs(trace["body_x"][-1] - motion.simulate(case.model, case.controller, duration, **options)["body_x"][-1])
     print(

@@ -63,6 +63,16 @@ def test_drive_takes_control_gravity_soil_and_settings(run):
     assert output["scenario"] == "flat"
 
 
+def test_drive_takes_an_engine(run):
+    """Only the trace of another engine than the default names it."""
+    ends = []
+    for words in ((), ("--engine", "pinocchio-aba")):
+        told = said(run, "drive", "turn", "--set", "duration=0.2", *words)
+        assert told.get("engine", "") == load_trace("out/drive/log").attrs.get("engine", "") == "".join(words[1:])
+        ends.append(told["end_x_m"])
+    assert ends[0] == pytest.approx(ends[1], abs=1e-10)
+
+
 def test_drive_says_the_error_of_its_step(run):
     output = said(run, "drive", "flat", "--set", "duration=2")
     assert 0.0 < output["step_error_mm"] < 0.1
@@ -200,6 +210,7 @@ REFUSED = [
     ("drive flat --set rover=broken.toml", "broken.toml: the file is not TOML"),
     ("drive polyline --set terrain.path=gone.csv", "gone.csv: the file cannot be read"),
     ("drive polyline --set terrain.path=3", "the file cannot be read"),
+    ("drive flat --engine pinocchio", "There is no engine 'pinocchio': did you mean 'pinocchio-aba'"),
     ("drive polyline", "there is no terrain.csv in this folder: set terrain.path=FILE"),
     ("drive grid", "there is no terrain.npz in this folder: set terrain.path=FILE"),
     ("close-loop empty.toml", "empty.toml: this is a file"),

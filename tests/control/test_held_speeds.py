@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rover_pin import load_rover, plain_simulate, scenario, simulate
+from rover_pin import load_rover, scenario, simulate
 from rover_pin.base.errors import ParameterError
 from rover_pin.control.motion.kinematics import BodyMotion, rolling
 from rover_pin.control.motion.servo import HeldSpeeds
@@ -90,11 +90,11 @@ def test_compiled_asked_and_plain_steps_hold_the_same_speeds(rover):
     speed_command = command(rover, yaw_rate=0.05)
     assert commands_of(speed_command.controller, len(speed_command.model.rover.wheels)) is not None
     compiled, called, plain = (
-        drive(speed_command.model, control, 0.5, measure_error=False)
-        for drive, control in (
-            (simulate, speed_command.controller),
-            (simulate, lambda reading: speed_command.controller(reading)),
-            (plain_simulate, speed_command.controller),
+        simulate(speed_command.model, control, 0.5, measure_error=False, engine=engine)
+        for engine, control in (
+            ("compiled", speed_command.controller),
+            ("compiled", lambda reading: speed_command.controller(reading)),
+            ("pinocchio-crba", speed_command.controller),
         )
         if speed_command.controller.reset() is None
     )

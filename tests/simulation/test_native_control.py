@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from rover_pin import ConstantDuty, SlipControl, plain_simulate, scenario, simulate
+from rover_pin import ConstantDuty, SlipControl, scenario, simulate
 from rover_pin.control.slip_control import Gains, HoleLaw
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip
 from rover_pin.control.torque_check import PITCHES, NoLimit, TorqueLimit, TorqueLimited
@@ -143,8 +143,9 @@ def test_drive_readings_are_looked_up_when_they_are_accessed():
 
 def test_the_plain_step_shows_a_controller_the_same():
     case, observed = scenario("ditch", soil="table-1"), ([], [])
-    for drive, seen_readings in zip((simulate, plain_simulate), observed, strict=True):
-        drive(case.model, lambda reading, stored=seen_readings: stored.append(reading) or 0.5, 0.15, case.start)
+    for engine, readings in zip(("compiled", "pinocchio-crba"), observed, strict=True):
+        controller = lambda reading, stored=readings: stored.append(reading) or 0.5  # noqa: E731
+        simulate(case.model, controller, 0.15, case.start, engine=engine)
     for mine, theirs in zip(*observed, strict=True):
         for field in dataclasses.fields(Reading)[:-1]:
             name = field.name

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin import ConstantDuty, RoverPinError, plain_simulate, scenario, simulate
+from rover_pin import ConstantDuty, RoverPinError, scenario, simulate
 from rover_pin.base.errors import ParameterError, SimulationError
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.normal_damping import NormalDamping
@@ -15,6 +15,7 @@ from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.simulation.command import Command
 from rover_pin.simulation.compiled.kernel import Kernel
+from rover_pin.simulation.engines import ENGINES
 from rover_pin.simulation.simulate import Timing
 from rover_pin.simulation.start import Start, settled_state
 
@@ -222,10 +223,10 @@ def test_a_turn_has_about_its_radius(radius):
     assert traces[-1]["body_y"] == pytest.approx(-trace["body_y"], abs=2e-6)
 
 
-@pytest.mark.parametrize("drive", [simulate, plain_simulate])
-def test_a_drive_shorter_than_half_a_step_takes_one(drive):
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_drive_shorter_than_half_a_step_takes_one(engine):
     """It has no row yet, and can go on."""
     case = made("flat")
-    trace = drive(case, ConstantDuty(), 0.001)
+    trace = simulate(case, ConstantDuty(), 0.001, engine=engine)
     assert (len(trace.t), trace.attrs["stop"]) == (0, "duration")
     assert trace.end.checkpoint.steps == 1

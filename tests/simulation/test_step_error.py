@@ -8,11 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin import ConstantDuty, RoverPinError, plain_simulate, scenario, simulate
+from rover_pin import ConstantDuty, RoverPinError, scenario, simulate
 from rover_pin.control.torque_check import TorqueLimit, TorqueLimited
 from rover_pin.scenarios.scenario import Scenario
-from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.driving import run_compiled
+from rover_pin.simulation.engines import COMPILED, ENGINES
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.sensors import NoisyController, Sensors
 from rover_pin.simulation.simulate import Timing
@@ -63,12 +62,15 @@ def test_steps_that_were_not_taken_are_whole():
     assert begun == pytest.approx([0.01, 0.005, 0.01, 0.01, 0.01])
 
 
-def test_the_plain_step_measures_the_same_error():
+def test_every_engine_measures_the_same_error():
     """A turn begins with steps that are divided."""
     case = scenario("turn", duration=0.2)
-    drives = (drive(case.model, case.controller, 0.2, case.start) for drive in (plain_simulate, simulate))
-    plain, compiled = (trace.attrs["step_error_m"] for trace in drives)
-    assert plain == pytest.approx(compiled, rel=1e-6)
+    compiled, *others = (
+        simulate(case.model, case.controller, 0.2, case.start, engine=engine).attrs["step_error_m"]
+        for engine in ENGINES
+    )
+    assert len(others) == 2
+    assert others == pytest.approx([compiled] * 2, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -133,7 +135,7 @@ def test_a_refined_drive_takes_its_usual_steps_in_parts():
     memory = np.array(case.controller.integral)
     fine = Timing(divided=MAX_REFINEMENT)
     state = settled_state(case.model, case.start, case.symmetric)
-    job = DriveJob(Kernel, run_compiled, case.model, case.controller, 1.0, Timing(), case.symmetric, None, False)
+    job = DriveJob(ENGINES[COMPILED], case.model, case.controller, 1.0, Timing(), case.symmetric, None, False)
     lengths = np.repeat(drive_from(job, state).run.lengths / MAX_REFINEMENT, MAX_REFINEMENT)
     plain = drive_from(job._replace(timing=fine), state, lengths)
     assert strict.attrs["dt_s"] == pytest.approx(Timing().dt / MAX_REFINEMENT)

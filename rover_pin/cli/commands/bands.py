@@ -9,10 +9,11 @@ from typing import Any
 from rover_pin.base.errors import ParameterError
 
 
-def bands(name: str, folder: Path, settings: dict[str, Any], out: Path) -> dict[str, Any]:
+def bands(name: str, folder: Path, settings: dict[str, Any], out: Path, engine: str) -> dict[str, Any]:
     """Drive a scenario on each model of a folder, write bands.csv and bands.png, and return a summary over the models.
 
-    `name` is the scenario, `settings` are the user's settings of the drive, and `out` is the folder of the results.
+    `name` is the scenario, `settings` are the user's settings of the drive, `out` is the folder of the results, and
+    `engine` is the name of the engine that computes the steps.
     """
     from rover_pin.comparison.bands import drive_on_models
     from rover_pin.plot import save, write_csv
@@ -21,7 +22,8 @@ def bands(name: str, folder: Path, settings: dict[str, Any], out: Path) -> dict[
 
     files = models_of(folder)
     # The models replace the single model of the settings.
-    drives = drive_on_models(name, files, {key: value for key, value in settings.items() if key != "model"})
+    drive_settings = {key: value for key, value in settings.items() if key != "model"}
+    drives = drive_on_models(name, files, drive_settings, engine=engine)
     title = (
         f"{name} on {len(files)} models of {folder.name}: stuck on {sum(drives.stuck)}, buried on {sum(drives.buried)}"
     )

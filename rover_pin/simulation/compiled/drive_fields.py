@@ -109,7 +109,9 @@ def _wheels(rover: Rover, model: pin.Model) -> dict[str, Any]:
     if model.nv > MAX_DOF or most > MAX_COLS:
         raise ParameterError(
             f"The rover has too many joints: it has {model.nv} degrees of freedom, {most} of which move one wheel, but "
-            f"a simulation allows at most {MAX_DOF} and {MAX_COLS}. Make some joints in its URDF fixed."
+            f'the engine "compiled", which also sets a rover down, allows at most {MAX_DOF} and {MAX_COLS}. Make some '
+            "joints in its URDF fixed, or drive from a DriveState with "
+            'simulate(model, controller, duration, state, engine="pinocchio-crba").'
         )
     # One row for each wheel, filled up with zeros that `col_count` leaves out.
     cols = np.zeros((len(columns), most), dtype=np.int64)

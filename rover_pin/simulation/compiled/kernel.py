@@ -1,5 +1,9 @@
-"""The compiled step: the C code of native/ as a library, together with the numbers of a model and the generated code of
-its laws.
+"""The compiled step: the C code of native/ as a library, together with the numbers of a model, and the generated code
+of its laws and of its rigid-body dynamics.
+
+Pinocchio only builds the rover's model from the URDF. CasADi generates the C code of the rigid-body dynamics from a
+recursion over this model (`native/rigid_body.py`); no algorithm of Pinocchio computes a step here. The step that uses
+Pinocchio's algorithms is `plain/step.py`.
 """
 
 from __future__ import annotations
@@ -75,7 +79,7 @@ class StepArrays:
 
 class Kernel(StepArrays):
     """The compiled step of a model. It is one of the two classes that advance a drive (`Stepper`); the other,
-    `PlainStepper`, is written in NumPy.
+    `PlainStepper`, is written in NumPy and uses Pinocchio's algorithms.
 
     Parameters
     ----------

@@ -1,5 +1,8 @@
 """The compiled rigid-body dynamics of a rover, shared by all rovers with equal kinematic trees, and the order of the
 elimination of speeds from its equations of motion.
+
+CasADi generates the C code from the recursion in `rigid_body`. Pinocchio only supplies the model, from which the
+recursion reads the tree, the placements and the inertias.
 """
 
 from __future__ import annotations

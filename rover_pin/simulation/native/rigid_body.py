@@ -1,6 +1,10 @@
 """The rigid-body dynamics of a rover as CasADi expressions: inertia, bias force, joint axes and potential energy, from
 one pass over the kinematic tree of Pinocchio's model.
 
+Pinocchio builds this model from the URDF. The recursion below only reads its tree, placements and inertias; it calls no
+algorithm of Pinocchio for the dynamics. CasADi generates C code from the expressions, which the compiled step calls.
+Tests compare the code with Pinocchio's own algorithms.
+
 Every number of the model (placements, inertias) that is not 0, 1 or -1 is a parameter of the expressions. Rovers with
 equal kinematic trees therefore share one compiled function, whatever they carry. The frame of each joint is turned so
 that the joint's axis is x, which makes rotation matrices sparse.
@@ -17,6 +21,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 import pinocchio as pin
+
+from rover_pin.base.errors import ParameterError
 
 ROUND_OFF = 1e-15
 """Limit of round-off. A number of a placement or of an inertia counts as zero if it is smaller than this fraction of
@@ -80,10 +86,13 @@ class Motion(NamedTuple):
 
 
 def tree_of(model: pin.Model) -> Tree:
-    """Return the kinematic tree of a Pinocchio model that has a free base and revolute joints."""
-    assert model.jointPlacements[BASE].isIdentity(), "the step takes the base's own frame"
+    """Return the kinematic tree of a Pinocchio model that has a free base and revolute joints.
+
+    Raises ParameterError: the model has another base, or a joint of another type.
+    """
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
+    _refuse_unknown_joints(model, data)
     # For each joint, a rotation matrix (3, 3) that turns the x axis to the joint's axis. If the numbers of the axis are
     # 0, 1 and -1 only, so are those of the matrix, which keeps the generated code short.
     turns = [np.eye(3)] * 2
@@ -112,11 +121,33 @@ def tree_of(model: pin.Model) -> Tree:
     return Tree(tuple(joints), np.array(parameters))
 
 
+def _refuse_unknown_joints(model: pin.Model, data: pin.Data) -> None:
+    """Raise a ParameterError if the recursion does not know the base or a joint of a model. It knows a base that moves
+    freely from the world's origin, and revolute joints. `data` holds the joint Jacobians.
+    """
+    remedy = (
+        "The engines of Pinocchio drive such a rover from a DriveState: simulate(model, controller, duration, state, "
+        'engine="pinocchio-crba") or engine="pinocchio-aba".'
+    )
+    base = model.joints[BASE]
+    if (base.nq, base.nv) != (7, 6) or not model.jointPlacements[BASE].isIdentity():
+        raise ParameterError(
+            f"The base '{model.names[BASE]}' is a {base.shortname()}, but the engine \"compiled\" only knows a base "
+            f"that moves freely from the world's origin. {remedy}"
+        )
+    for i in range(BASE + 1, model.njoints):
+        joint = model.joints[i]
+        # A revolute joint has one degree of freedom, and its unit velocity moves no point of its axis.
+        if joint.nv != 1 or pin.getJointJacobian(model, data, i, pin.LOCAL)[:3, joint.idx_v].any():
+            raise ParameterError(
+                f"Joint '{model.names[i]}' is a {joint.shortname()}, but the engine \"compiled\" only knows revolute "
+                f"joints. {remedy}"
+            )
+
+
 def _axis(model: pin.Model, data: pin.Data, i: int) -> np.ndarray:
     """Return the unit vector of the axis of joint i in its own frame. The joint must be a revolute joint."""
-    column = pin.getJointJacobian(model, data, i, pin.LOCAL)[:, model.joints[i].idx_v]
-    assert not column[:3].any(), "the step knows revolute joints only"
-    return np.array(column[3:])
+    return np.array(pin.getJointJacobian(model, data, i, pin.LOCAL)[3:, model.joints[i].idx_v])
 
 
 def _numbers(model: pin.Model, i: int, parent: np.ndarray, R: np.ndarray) -> np.ndarray:

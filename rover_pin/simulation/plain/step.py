@@ -1,4 +1,5 @@
-"""The step in plain NumPy and Pinocchio: slow and readable. The compiled step (native/step.c) is tested against it.
+"""The step in plain NumPy, with the rigid-body dynamics of Pinocchio's own algorithms: slow and readable. The compiled
+step (native/step.c) is tested against it, and the engines `pinocchio-crba` and `pinocchio-aba` take it.
 
 One step of Eq (8), the equation of motion, has the convergence order two. The configuration moves by half a step, the
 velocities change by a two-stage Rosenbrock method with the forces at this configuration, and the configuration moves by
@@ -20,8 +21,15 @@ servos, end stops and body effects are taken fully implicitly: dt times their sl
 on u are therefore stable however stiff they are. The forces of the soil that depend on q act like springs of some 2
 kN/m at each wheel; they are explicit and limit the step (`stepping/resolution.py`).
 
+Pinocchio computes everything that concerns the rigid bodies: `pin.integrate` moves the configuration,
+`pin.computeJointJacobians` and `pin.getJointJacobian` give frames and Jacobians of the wheels, and the two equations
+for k_1 and k_2 are solved with `pin.crba` (`composite.py`) or with `pin.aba` (`articulated.py`). The laws of contact,
+motors and body effects are CasADi functions that CasADi's own interpreter evaluates.
+
 Source: Hairer and Wanner, Solving Ordinary Differential Equations II (1996), sections IV.6 and IV.7.
 """
+
+from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
@@ -33,6 +41,7 @@ from rover_pin.simulation.compiled.drive_fields import SERVO_GAIN, STOP_GAIN, jo
 from rover_pin.simulation.compiled.kernel import HOLDING_INERTIA, StepArrays
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.shared import GAMMA, RECORD
+from rover_pin.simulation.plain.composite import Slopes, StageEquations, Stages, composite_stages
 from rover_pin.simulation.plain.law import PlainLaw
 from rover_pin.simulation.state import DriveState, joints_of, suspension_dofs, suspension_places
 from rover_pin.simulation.stepping.pace import growth
@@ -46,8 +55,8 @@ RECORD."""
 
 
 class PlainStepper(StepArrays):
-    """The step of a model in NumPy: slow and readable. It is one of the two classes that advance a drive (`Stepper`),
-    and has the attributes of the other, `Kernel`, which is compiled.
+    """The step of a model in NumPy and Pinocchio: slow and readable. It is one of the two classes that advance a drive
+    (`Stepper`), and has the attributes of the other, `Kernel`, which is compiled.
 
     Parameters
     ----------
@@ -57,11 +66,21 @@ class PlainStepper(StepArrays):
         Length of the steps [s].
     symmetric : bool
         Keep the motion mirror-symmetric about the x-z plane.
+    stages : callable
+        Solver of the step's equations for k_1 and k_2: `composite_stages`, which uses Pinocchio's CRBA, or
+        `articulated_stages`, which uses its ABA.
     """
 
-    def __init__(self, model: Model, state: DriveState, dt: float, symmetric: bool):
+    def __init__(
+        self,
+        model: Model,
+        state: DriveState,
+        dt: float,
+        symmetric: bool,
+        stages: Callable[[StageEquations], Stages] = composite_stages,
+    ):
         super().__init__(model, state)
-        self.dt, self.symmetric = dt, symmetric
+        self.dt, self.symmetric, self.stages = dt, symmetric, stages
         self.rover, self.ground = model.built, model.ground
         self.pin_model = model_with_armature(self.rover, float(model.motor.armature))
         self.data = self.pin_model.createData()
@@ -117,7 +136,7 @@ class PlainStepper(StepArrays):
 
         # Change of the speeds, and the change w that belongs to the mean force.
         du, mean_du = self._solve(
-            self.soil_Q + motor_Q + spring_Q + push_Q, self.soil_D + np.diag(motor_D), np.diag(spring_D) + push_D
+            self.soil_Q + motor_Q + spring_Q + push_Q, Slopes(self.soil_D, motor_D, spring_D, push_D)
         )
 
         # Store the loads that are predicted for the end, the mean loads, and the energy account.
@@ -140,7 +159,7 @@ class PlainStepper(StepArrays):
         state.q[:] = pin.integrate(self.pin_model, state.q, 0.5 * self.dt * state.v)
         return 0 if np.all(np.isfinite(state.v)) else 1
 
-    def _solve(self, force: np.ndarray, D: np.ndarray, implicit_D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _solve(self, force: np.ndarray, slopes: Slopes) -> tuple[np.ndarray, np.ndarray]:
         """Return the change of the speeds in a step, du, and the change of the speeds at which the mean force of the
         step acts, w; both are arrays (nv,).
 
@@ -150,30 +169,21 @@ class PlainStepper(StepArrays):
         ----------
         force : array (nv,)
             Generalised force without the bias force.
-        D : array (nv, nv)
-            Derivative by the speeds of all forces except the fully implicit ones.
-        implicit_D : array (nv, nv)
-            Derivative by the speeds of the forces that are taken fully implicitly (servos, end stops, body effects).
+        slopes : Slopes
+            Derivatives of the force by the speeds.
         """
-        # Mass matrix with the implicit slopes, and the bias force (Coriolis, centrifugal, gravity).
-        model, state = self.pin_model, self.state
-        M = pin.crba(model, self.data, state.q)  # upper triangle only
-        mass = np.triu(M) + np.triu(M, 1).T - self.dt * implicit_D
-        nle = pin.nonLinearEffects(model, self.data, state.q, state.v)
-        effective_mass = mass - GAMMA * self.dt * D
-        # Constraints are added as rows with multipliers; the same matrix serves all three solves.
         rigid = self.rover.differential is not None and self.model.rigid_differential
         G = constraint_rows(self.rover, differential=rigid)
-        saddle = np.block([[effective_mass, G.T], [G, np.zeros((len(G), len(G)))]])
-        first = np.linalg.solve(saddle, np.append(self.dt * (force - nle), -G @ state.v))
-        second = np.linalg.solve(saddle, np.append(mass @ first[: model.nv], -G @ state.v))
-        solved, mean_du = GAMMA * first + (1.0 - GAMMA) * second, GAMMA * (first + (1.0 - GAMMA) * second)
-        # A third solve shows whether forces push a speed away faster than the step can follow.
-        du, third = solved[: model.nv], np.linalg.solve(saddle, np.append(mass @ second[: model.nv], -G @ state.v))
-        self.growth = growth(*(solution[: model.nv] for solution in (first, second, third)))
+        equations = StageEquations(self.pin_model, self.data, self.state.q, self.state.v, self.dt, G, force, slopes)
+        (first, second, third), impulses = self.stages(equations)
+        du, mean_du = GAMMA * first + (1.0 - GAMMA) * second, GAMMA * (first + (1.0 - GAMMA) * second)
+        # The third solution shows whether forces push a speed away faster than the step can follow.
+        self.growth = growth(first, second, third)
         # The multiplier of the differential's constraint is its impulse; without the constraint, an effect gives it.
-        self.differential[0] = -mean_du[model.nv] / GAMMA / self.dt if rigid else self.torque + self.torque_slope @ du
-        return np.asarray(du), np.asarray(mean_du[: model.nv])
+        self.differential[0] = (
+            (impulses[0] + (1.0 - GAMMA) * impulses[1])[0] / self.dt if rigid else self.torque + self.torque_slope @ du
+        )
+        return du, mean_du
 
     def _wheel(self, index: int) -> tuple[np.ndarray, np.ndarray]:
         """Add the loads of all contact patches of one wheel to the generalised force of the soil, and return the change

@@ -5,13 +5,13 @@ error is too large, the drive is repeated with shorter steps.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from rover_pin.simulation.command import Controller
-from rover_pin.simulation.driving import LoopResult, Progress, RunningDrive, Stepper
+from rover_pin.simulation.driving import LoopResult, Progress, RunningDrive
+from rover_pin.simulation.engines import Engine
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.state import DriveState
 from rover_pin.simulation.stepping.pace import GLANCE
@@ -22,15 +22,9 @@ from rover_pin.simulation.trace.record import finite
 
 
 class DriveJob(NamedTuple):
-    """The inputs of a drive (model, controller, duration, timing), and the two functions that compute its step and its
-    loop: either compiled or in plain Python.
-    """
+    """The inputs of a drive (model, controller, duration, timing), and the engine that computes its steps."""
 
-    stepper: Callable[[Model, DriveState, float, bool], Stepper]
-    """function (model, state, step [s], symmetric) -> object that takes the steps of a drive: `Kernel` or
-    `PlainStepper`"""
-    run: Callable[[RunningDrive, float, Progress | None], LoopResult]
-    """function (drive, duration [s], progress) -> result of the loop: `run_compiled` or `run_plain`"""
+    engine: Engine
     model: Model
     controller: Controller
     duration: float
@@ -82,7 +76,7 @@ def begin_drive(job: DriveJob, state: DriveState) -> RunningDrive:
     # The step is first set so short that nothing moves, because `firmness` measures the stiffness of the contacts in
     # this state.
     model = job.model.begin_at(*place_of(state))
-    stepper = job.stepper(model, state, GLANCE, job.symmetric)
+    stepper = job.engine.stepper(model, state, GLANCE, job.symmetric)
     firmer = firmness(stepper, model)
     fine = job.timing.with_parts(parts(model, state, job.timing.dt, firmer))
     stepper.set_step(fine.dt)
@@ -96,7 +90,7 @@ def place_of(state: DriveState) -> tuple[float, float]:
 
 def continue_drive(job: DriveJob, drive: RunningDrive) -> DriveResult:
     """Drive from the present state of a running drive for the duration of the job, and return the result."""
-    run = job.run(drive, job.duration, job.progress)
+    run = job.engine.run(drive, job.duration, job.progress)
     return DriveResult(drive, run, finite(run.rows))
 
 

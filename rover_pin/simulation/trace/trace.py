@@ -16,7 +16,9 @@ from rover_pin.simulation.trace.channels import RATES, unit_of, wheels_in
 NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_potential", "energy_elastic")
 """Names of the energy channels that are no losses. All other energy channels are losses (in soil, end stops, servos and
 body effects). `energy_elastic` is no loss of its own, because it is the part of `energy_body` that springs store."""
-SUMMARY_ATTRS = "stop outcome turned stops warnings notes assumed set_down traction_form motion_resistance_R".split()
+SUMMARY_ATTRS = (
+    "stop outcome turned stops warnings notes assumed set_down engine traction_form motion_resistance_R".split()
+)
 """Names of the attributes of a trace that are part of its summary."""
 
 
