@@ -73,6 +73,8 @@ class Clock(NamedTuple):
     def recording(self, table: pd.DataFrame, helpers: Mapping[str, Entry] = MappingProxyType({})) -> Recording:
         """Return the rows of a table with their times by this clock. A row whose time does not exceed all earlier times
         is dropped.
+
+        Raises DataError: no row of the clock's column holds a time.
         """
         t = _seconds(table, self)
         # A simulation needs increasing times, so repeated and late rows are dropped.

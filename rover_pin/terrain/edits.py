@@ -14,7 +14,8 @@ from rover_pin.terrain.terrain import HeightGrid, Lanes, Profile, Terrain
 
 LEAD = 1.0
 """Distance [m] between the end of a stretch of soil that lies outside a profile and the two helper points that the
-profile gets before and behind this end."""
+profile gets before and behind this end. The points lie on the straight continuation of the profile, so that the ground
+keeps its shape."""
 MIN_PIECE = 1e-9
 """Minimum distance [m] between a new point of a profile and the profile's own points. A new point that is nearer is
 dropped, because round-off could give the short piece between the two points any slope."""

@@ -24,7 +24,8 @@ RATE_STEP = 2e-5
 """Time step of the simulation [s]. One such step gives the time derivatives of the states. It damps modes that are
 faster than 1 / RATE_STEP."""
 DIFFERENCE = 1e-6
-"""Change of a state or duty in each direction for central differences, in the unit of the state or duty."""
+"""Change of a state or duty in each direction for central differences, in the unit of the state or duty. It is near the
+cube root of the machine's round-off (6e-6), at which such a difference is most exact."""
 MAX_ACCELERATION = 0.02
 """Maximum acceleration of the base at a trim point [m/s^2, rad/s^2]. A state with a larger acceleration is no trim
 point and is refused."""
@@ -246,6 +247,8 @@ class _Rates:
     def at(self, state: DriveState, duty: np.ndarray | float) -> _Point:
         """Return the time derivatives of the states, and the outputs, at a state with the duty `duty`: one number for
         each wheel, or one number for all wheels.
+
+        Raises SimulationError: the step of the simulation fails in this state.
         """
         # The kernel works on `self.state`, so the state is copied into it, and changes by the step.
         self.kernel.restore(self.memory)

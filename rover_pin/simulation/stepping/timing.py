@@ -21,7 +21,7 @@ large, a warning states this."""
 MIN_STEP = 1e-6
 """Smallest step that a caller may ask for [s]; with it, ten seconds of driving take minutes to compute."""
 MAX_STEP = 0.1
-"""Largest step that a caller may ask for [s]."""
+"""Largest step that a caller may ask for [s]; a drive with a larger one is refused."""
 MAX_PERIOD_PARTS = 1000
 """Largest number of equal parts into which the shorter of control period and time between rows may be divided so that
 the longer one is a whole number of these parts. If more parts were needed, the two times have no common step and are
