@@ -196,6 +196,7 @@ def bounded(evaluations: Evaluations, cases: list[DriveCase], population: int, g
     """Return, for each drive, the best result of a straight drive with the whole ground known."""
     rows = []
     for case in cases:
+        # On an incline the maximum pull decides; in a ditch the order of the axles matters as well.
         if case.scenario == "incline":
             grade = steepest(case)
             angle = dict(case.settings)["terrain.angle_deg"]

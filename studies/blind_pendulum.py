@@ -63,6 +63,7 @@ def answered(make: ModuleType, seed: int, law: str) -> tuple:
     with tempfile.TemporaryDirectory() as folder:
         hidden = make.write(Path(folder), law, seed)
         verdict = close_the_loop(Path(folder), experiment="pendulum")
+    # A set hides one law with one size, or none.
     size = next(iter(hidden.values()), 0.0)
     return (
         seed, law, f"{size:.4g}", not is_adequate(verdict.before.fit), verdict.answer.word, " + ".join(verdict.named),

@@ -289,6 +289,7 @@ def exceeds_noise(folder: Path) -> bool:
 
 def fitted_sizes(hidden: Hidden, sizes: dict[str, float], verdict: Verdict) -> tuple[Size, ...]:
     """Return fitted and true sizes if the answer names exactly the hidden effects, else an empty tuple."""
+    # Sizes of unlisted effects and other laws have no counterpart in the package.
     is_listed = hidden.kind in (Kind.SINGLE, Kind.PAIR)
     if not is_listed or {type(effect).__name__ for effect in verdict.effects} != set(hidden.truth):
         return ()
@@ -305,6 +306,7 @@ def error_of(model: RigModel, runs: dict[str, np.ndarray], sd: tuple[float, ...]
     speeds = np.column_stack([runs["travel_speed_mps"], runs["rim_speed_mps"]])
     predicted = model.predict(runs["load_N"], runs["slip"], speeds)
     measured = (runs["drawbar_pull_N"], runs["torque_Nm"], runs["sinkage_m"])
+    # Residuals in units of the sensors' noise, one row for each channel.
     rows = [
         (values - observed) / scale
         for values, observed, scale in zip(predicted[: len(measured)], measured, sd, strict=True)

@@ -242,6 +242,7 @@ def confusion(cases: Sequence[Case]) -> pd.DataFrame:
     """Return counts of answers: rows are the true effects (detectable only), columns the first answer."""
     counts: Counter[tuple[str, str]] = Counter()
     for case in cases:
+        # A cause below the noise says nothing about the names, so it is left out.
         if case.detectable or case.kind is Kind.NULL:
             first = " + ".join(sorted(case.alike[0])) if case.told else case.outcome.value
             inside = case.outcome in (Outcome.RIGHT, Outcome.IN_SET)
@@ -249,6 +250,7 @@ def confusion(cases: Sequence[Case]) -> pd.DataFrame:
     if not counts:
         return pd.DataFrame()
     table = pd.Series(counts).unstack(fill_value=0)
+    # Right answers come first, the other names in alphabetical order.
     return table[sorted(table.columns, key=lambda name: (not name.startswith("true"), name))]
 
 
@@ -268,6 +270,7 @@ def publish(cases: Sequence[Case], out: Path) -> None:
     """Print the tables, and write them as Markdown and every case as a CSV row."""
     out.mkdir(parents=True, exist_ok=True)
     tables = [shares_table(shares(cases)), confusion(cases).reset_index(names="hidden"), quality(cases)]
+    # Unlisted effects and other laws have no true name, so they do not enter the calibration.
     listed_cases = [case for case in cases if case.kind in (Kind.SINGLE, Kind.PAIR, Kind.NULL)]
     tables.append(calibration([(case.inclusion, case.truth) for case in listed_cases]))
     for table in tables:

@@ -203,6 +203,7 @@ def sizes_of(verdict: Verdict, hidden: list[dict[str, Any]], names: tuple[str, .
     fitted = {number.name: number for number in verdict.after.numbers}
     pairs = []
     for hidden_effect, name in zip(hidden, names, strict=True):
+        # Only parameters that are both amplitudes of the cause and fitted numbers are sizes.
         for parameter in sorted(causes[name].amplitudes & fitted.keys()):
             true = hidden_effect["numbers"].get(parameter.rpartition(".")[2])
             if true is not None:

@@ -131,6 +131,7 @@ def transient_runs(path: Path) -> dict[str, pd.DataFrame]:
     """Return each run from the step on: travel since the step [m], sinkage [m], level."""
     by_run = {}
     for run, table in pd.read_csv(path).groupby("run", sort=False):
+        # Before the step the wheel is lowered, and rows at rest have no slip.
         driven = table[(table.t_s >= STEP) & (table.travel_speed_mps > 0.005)]
         travel = (driven.x_m - driven.x_m.iloc[0]).to_numpy()
         columns = pd.DataFrame(
@@ -144,6 +145,7 @@ def held_out_steady(data: RigSet, fit: Fit) -> dict[str, float]:
     """Return the steady sinkage [m] of each level, predicted by the model fitted to the other levels."""
     steady = {}
     for number, (name, fold_fit) in enumerate(zip(data.level_names, fold_fits(fit), strict=False)):
+        # A fold without a fit of its own uses the fit to all levels.
         of_level = data.level == number
         steady[name] = float(
             (fold_fit or fit).model.predict(data.load[of_level].mean(), data.slip[of_level].mean()).sinkage[0]
@@ -248,6 +250,7 @@ def cases(quick: bool) -> dict[str, RigSet]:
     others = {"cmu lugged wheel": "cmu-grousered-wheel", "cmu braked wheel": "cmu-smooth-wheel-skid"}
     cmu = {label: read_rig_set(DATA / name) for label, name in others.items()}
     driven = {name: read_rig_set(DATA / f"ding-2011-{name}") for name in ("smooth", "lugged")}
+    # The digitised row at slip 0 has a torque of 0, which is not physical.
     ding = {f"ding {name}": data.rows(np.asarray(data.slip) > 0) for name, data in driven.items()}
     return {"cmu smooth wheel": smooth, "cmu smooth wheel, n = 1.46": smooth, **cmu, **ding}
 

@@ -251,6 +251,7 @@ def inclined(name: str, part: pd.DataFrame) -> str:
 def ditched(name: str, part: pd.DataFrame) -> str:
     """Return the report line of one control in the ditches of one sand: rescues and losses against constant duty."""
     controlled, free = (part[part.control == control].set_index("angle") for control in (name, "none"))
+    # A rescue needs constant duty to fail on the same ground; a loss needs it to pass.
     there, base = controlled.there.notna(), free.there.notna()
     rescued = [f"{angle:g}" for angle in controlled.index[there & ~base]]
     walls = f" (walls {', '.join(rescued)})" * bool(rescued)
@@ -262,6 +263,7 @@ def ditched(name: str, part: pd.DataFrame) -> str:
 def drove(name: str, controlled: pd.DataFrame, there: str, more: str) -> str:
     """Return the report line of a control: burials, arrivals, sinkage, distance, energy, and further text."""
     buried, deep = int(controlled.buried.notna().sum()), 1e3 * controlled.deepest
+    # Eq (9) has no table where the flat of the sand cannot be driven.
     if deep.isna().all():
         return f"  {name:20s} has no table of this sand"
     return (

@@ -310,6 +310,7 @@ def panel(axes: Axes, part: pd.DataFrame, title: str) -> None:
     walls, controls = sorted(part.wall_deg.unique()), list(dict.fromkeys(part.control))
     colours = {"out": "#9ecae1", "stuck": "#fdd0a2", "open": "#d8d8d8"}
     for cell in part.itertuples():
+        # Column and row of the cell in the panel.
         at = walls.index(cell.wall_deg), controls.index(cell.control)
         axes.add_patch(Rectangle((at[0] - 0.48, at[1] - 0.48), 0.96, 0.96, color=colours[cell.verdict], lw=0))
         word = {"out": f"{cell.out_s:.0f}", "stuck": "x", "open": "?"}[cell.verdict]

@@ -58,6 +58,7 @@ def main() -> None:
 
 def family(slips: np.ndarray) -> pd.DataFrame:
     """Return F over slip for each form and k."""
+    # Every form with every k over all slips, as a long table.
     rows = [
         (name, k, S, load_traction_factor(float(S), TABLE_1.replace(k=k / 1000), NEXUS6_WHEEL, form))
         for name, form in FORMS.items()

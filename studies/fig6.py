@@ -58,6 +58,7 @@ def main() -> None:
 
 def theory(slips: np.ndarray) -> pd.DataFrame:
     """Return F over slip for each soil, exponent n and form."""
+    # Every soil, exponent and form over all slips, as a long table.
     rows = [
         (name, n, form, S, load_traction_factor(float(S), SOILS[name].replace(n=n), NEXUS6_WHEEL, FORMS[form]))
         for name in SETS
@@ -71,6 +72,7 @@ def theory(slips: np.ndarray) -> pd.DataFrame:
 def summary(curves: pd.DataFrame) -> pd.DataFrame:
     """Return F at S = 0, 0.1 and 1, whether F rises throughout, and the steepest slope, by soil and form."""
     rows = []
+    # The paper's statements refer to the assumed n = 1.
     for (soil, form), curve in curves[curves.n == 1.0].groupby(["soil", "form"], sort=False):
         F = curve.set_index("S").F
         steepest = math.degrees(math.atan(max(F.max(), 0.0)))

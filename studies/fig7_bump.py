@@ -94,6 +94,7 @@ def summary(cases: dict[Case, Scenario], traces: dict[Case, Trace], quick: bool)
     heights = (HEIGHT,) if quick else (0.02, HEIGHT, 0.04)
     for width, ground in cases:
         for height in heights:
+            # Drives at the height of the study exist already.
             is_usual = height == HEIGHT
             case = cases[width, ground] if is_usual else over(width, ground, height)
             rows.append(row(case, traces[width, ground] if is_usual else case.drive(), (width, ground, height), quick))
@@ -129,6 +130,7 @@ def histories(traces: dict[Case, Trace]) -> pd.DataFrame:
         for name in ("rocker_l", "rocker_r", "bogie_l", "bogie_r", "body_pitch", "body_roll", "body_yaw"):
             part[f"{name}_deg"] = np.degrees(trace[name])
         part["speed_mps"] = trace["body_vx"]
+        # About 600 rows of each drive are enough for the figure.
         parts.append(part[:: max(1, len(part) // 600)].round(6))
     return pd.concat(parts)
 

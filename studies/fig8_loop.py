@@ -106,8 +106,10 @@ def rows(heights: Heights) -> pd.DataFrame:
     table = []
     for name, run in heights.items():
         row: dict[str, Any] = {"run": name}
+        # Gain of elevation at the end, in mm.
         for label in ("log", DECLARED, FITTED, FOUND):
             row[f"late, {label}"] = 1e3 * late(run["t"], run[label])
+        # RMS difference of each model from the log over the whole run.
         for label in (DECLARED, FITTED, FOUND):
             row[f"off, {label}"] = 1e3 * float(np.sqrt(np.nanmean((run[label] - run["log"]) ** 2)))
         table.append({key: round(value, 2) if isinstance(value, float) else value for key, value in row.items()})
@@ -125,6 +127,7 @@ def draw(heights: Heights) -> Figure:
     figure = Figure(figsize=(14.0, 7.0), layout="constrained")
     axes = figure.subplots(2, (len(heights) + 1) // 2, squeeze=False).ravel()
     for axis, (name, run) in zip(axes, heights.items(), strict=False):
+        # The log lies below the models, as a wide grey line.
         axis.plot(run["t"], 1e3 * run["log"], color="black", lw=2.5, alpha=0.4, label="log")
         for label, colour in zip((DECLARED, FITTED, FOUND), COLOURS, strict=False):
             axis.plot(run["t"], 1e3 * run[label], color=colour, lw=1.2, label=label)

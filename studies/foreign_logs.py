@@ -94,6 +94,7 @@ def figure(table: pd.DataFrame, out: Path) -> None:
     sheet, axes = plot.new_figure(1, size=(7.0, 1.2 + 0.6 * len(counts)))
     start = np.zeros(len(counts))
     for answer, colour in zip(("right", "asked", "wrong"), plot.COLOURS, strict=False):
+        # An importer may lack one of the answers.
         size = counts.get(answer, 0) + 0 * start
         axes.barh(counts.index, size, left=start, color=colour, label=answer)
         start = start + size
@@ -105,6 +106,7 @@ def figure(table: pd.DataFrame, out: Path) -> None:
 def tried(seed: int, number: int) -> dict[str, Any]:
     """Return the result of one layout as a row of the table."""
     random = np.random.default_rng([seed, number])
+    # A temporary folder for each layout.
     with tempfile.TemporaryDirectory() as folder:
         truth = drive(random)
         paths, written_layout, begins = recorded(truth, Path(folder), random)

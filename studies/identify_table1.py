@@ -135,6 +135,7 @@ def draw_points(axis: Axes, bench_: TractionFactors) -> None:
     points, fine, ratio = bench_.points, np.linspace(0, 1, 60), math.tan(float(TABLE_1.phi)) / float(TABLE_1.k)
     axis.errorbar(points.slip, points.factor, points.sd, fmt="ko", capsize=3, label="means +-1 SD of the mean")
     for k, style in ((0.02, "--"), (0.05, "-"), (0.1, ":")):
+        # Another k with the phi that keeps tan(phi) / k.
         soil = TABLE_1.replace(k=k, phi=math.atan(ratio * k))
         axis.plot(fine, factors(fine, soil), style, label=f"k = {1000 * k:.0f} mm, phi = {soil.phi * DEG:.0f} deg")
     axis.set(xlabel="slip ratio S [-]", ylabel="F = f_t / f_n [-]", title="One experiment at Table 1")
@@ -163,6 +164,7 @@ def draw_valley(axis: Axes, bench_: TractionFactors, cells: int) -> None:
 def draw_intervals(axis: Axes, repeats: int) -> None:
     """Draw the 95 % intervals of k in repeated experiments, for Table 1 and for a smaller k."""
     for at, (soil, colour) in enumerate(((TABLE_1, "tab:blue"), (SHORT, "tab:orange"))):
+        # Forty intervals are enough for the figure.
         for seed in range(min(repeats, 40)):
             number = identify(measured(soil, FORMS[0], seed), fixed=HELD)["k"].number
             axis.plot([1000 * number.low, 1000 * number.high], [seed + 45 * at] * 2, color=colour, lw=1)

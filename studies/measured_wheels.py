@@ -95,6 +95,7 @@ def row_of(data: str, verdict: Verdict) -> dict[str, str]:
 
 def over(rows: Sequence[Mapping[str, str]], curve: str) -> pd.Series:
     """Return the ratio of the errors of all hypotheses together to a curve's errors, by set and channel."""
+    # Both errors are read from the cells of the table, so that the printed ratio belongs to the published numbers.
     pairs = {row["data"]: (missed(row["together"]), missed(row[curve])) for row in rows}
     return pd.Series(
         {
@@ -129,6 +130,7 @@ def errors(by_channel: dict[str, float]) -> str:
 
 def drawn(rows: list[dict[str, str]], file: Path) -> None:
     """Draw the probability of each family in each set."""
+    # The cells hold text such as "digging 0.93; softening 0.05".
     families = {row["data"]: dict(part.rsplit(" ", 1) for part in row["families"].split("; ") if part) for row in rows}
     names = list(dict.fromkeys(name for shares in families.values() for name in shares))
     figure, axis = plt.subplots(figsize=(7.5, 0.4 * len(rows) + 1.8), layout="constrained")

@@ -219,6 +219,7 @@ def outcomes(drives: list[Drive], event: str) -> tuple[np.ndarray, np.ndarray, n
     rows = []
     for drive in drives:
         for t, p_stuck, p_buried, _ in drive.said[::EVERY].tolist():
+            # The event counts if it occurs within the horizon of the forecast.
             came = drive.comes(t, HORIZON) if event == "stuck" else drive.buries(t, HORIZON)
             rows.append((p_stuck if event == "stuck" else p_buried, came, not drive.comes(t, 0.0)))
     p, came, before = np.array(rows).T

@@ -137,8 +137,10 @@ def sentences(share: float) -> pd.DataFrame:
 def slope(motor: str, share: float) -> dict[str, Any]:
     """Return time and slip at which the 12 deg slope is reached, on an invented sand whose slip switches there."""
     trace = scenario("slope", soil="table-1", motor=motor, duration=80.0 * share, **ABRUPT).drive()
+    # The inclination grows with the distance from the foot of the slope.
     inclination = RATE * np.clip(trace["body_x"] - FOOT, 0.0, None)
     there = np.flatnonzero(inclination >= TWELVE - 0.5)
+    # First rows at which the slip of the middle wheel exceeds 0.1 and 0.9.
     above = [np.flatnonzero(trace["slip_ml"] > slip) for slip in (0.1, 0.9)]
     switch = [float(inclination[rows[0]]) if rows.size else np.nan for rows in above]
     return {
@@ -151,11 +153,13 @@ def slope(motor: str, share: float) -> dict[str, Any]:
 def ditch(motor: str, share: float) -> dict[str, Any]:
     """Return the wheel speeds in Table 1's ditch, and the outcome of each control where strength is lost."""
     stuck = scenario("ditch", soil="table-1", motor=motor, duration=20.0 * share).drive()
+    # Rim speeds at the end of the drive in mm/s, for a wheel radius of 45 mm.
     rims = 45.0 * stuck.stack("wheel_rate")[-1]
     results = {
         "Fig 10: velocity lost at [s]": first(stuck.t, (stuck.t > 5.0) & (stuck["body_vx"] < 0.002)),
         "Fig 10: slowest and fastest rim, stuck [mm/s]": f"{rims.min():.0f} to {rims.max():.0f}",
     }
+    # Every control on the sand that loses half of its strength.
     for name, settings in CONTROLS.items():
         drive = scenario("ditch", soil="table-1", motor=motor, duration=40.0 * share, **settings, **LOSING)
         results[f"Fig 10, half the strength lost: {name}"] = outcome(with_its_table(drive))

@@ -120,6 +120,7 @@ def runs_needed(name: str, after: Callable[[list[Any]], Told], seed: int, is_pro
     while (state := after(chosen)).beliefs.inclusion(name) < SURE:
         if len(chosen) == MOST:
             return MOST + 1
+        # Without a useful proposal, a random run is taken as well.
         best = next_measurement(open_sets(state.beliefs), (state.offer,)) if is_proposed else None
         drawn = random.choice(state.offer.experiment.folds)
         chosen.append(state.conditions[drawn if best is None else best.what])
@@ -154,6 +155,7 @@ def rig_set(make: ModuleType, hidden: Any, runs: list[tuple[float, float, float]
     parts = [
         make.rig_set(hidden, (load,), (slip,), 1, 1000 * seed + at, (v,)) for at, (load, slip, v) in enumerate(runs)
     ]
+    # One set from runs that were generated one by one, because each needs its own noise.
     columns = {name: np.concatenate([part[name] for part in parts]) for name in make.NAMES}
     _, columns["level"] = np.unique(columns["slip"], return_inverse=True)
     with tempfile.TemporaryDirectory() as folder:

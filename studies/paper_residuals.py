@@ -151,10 +151,12 @@ def singles(form: str) -> list[Change]:
     """Return every single change: each constant of Table 1, and each effect without internal states."""
     changes = [Change((), (name,), (bounds,)) for name, bounds in CONSTANTS.items()]
     for kind in rig_kinds():
+        # Effects with internal states depend on the history, so F(S) alone does not describe them.
         if kind.states:
             continue
         declared = quantities(kind())
         names = tuple(f"{kind.__name__}.{name}" for name in kind.neutral)
+        # Sizes are searched up to 3 at most.
         bounds = tuple((declared[name].low, min(declared[name].high, 3.0)) for name in kind.neutral)
         changes.append(Change((kind,), names, bounds))
     return changes
@@ -235,6 +237,7 @@ def curve(form: str, change: Change) -> ca.Function:
 def _factor(effects: Sequence[Effect], S: ca.SX, soil: Soil) -> ca.SX:
     """Return F at one slip: the contact amended by every effect, and the sum of their loads."""
     contact = Contact(S, 0.0, SINKAGE, RIM * (1 - S), 0.0, 0.0, RIM, 0.0, 0.0, WHEEL, soil)
+    # Effects first amend the contact in their order, and then push in the same order.
     for effect in effects:
         contact = effect.amend(contact, ())
     load = Load()

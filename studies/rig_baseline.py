@@ -152,6 +152,7 @@ def report(table: pd.DataFrame, noise: np.ndarray, best: np.ndarray, sd: np.ndar
     print(f"fitted: phi = {np.degrees(phi):.2f} deg ({sd[0]:.0%}), k = {1e3 * k:.2f} mm ({sd[1]:.0%}), ", end="")
     print(f"K_eff = {K_eff / 1e6:.2f}e3 kPa/m^n ({sd[2]:.0%}); c = 0, n = {EXPONENT} fixed")
     print(f"{'RMSE':10s}{'pull / load':>14s}{'x noise':>9s}{'sinkage mm':>14s}{'x noise':>9s}")
+    # Both models over the same runs, in absolute units and in multiples of the noise.
     for name in ("table_1", "fitted"):
         pull = rms(table[f"pull_{name}"] - table.pull_measured)
         depth = rms(table[f"sinkage_{name}_m"] - table.sinkage_measured_m)

@@ -151,6 +151,7 @@ def closed(log: DriveLog, out: Path) -> list[dict[str, Any]]:
     """Return the errors on parts left out one by one: odometry, base model, and the loop's model."""
     verdict = close_the_loop(log, out=out / "loop", progress=print)
     print(verdict.summary())
+    # Odometry with fitted slip, track and tracked point is the rival of the physics.
     odometry = {baseline.channel: baseline.error for baseline in verdict.baselines}
     return [{"runs": f"{len(log.runs)} parts, each left out", "channel": score.name, "unit": score.unit,
              "odometry": odometry[score.name], "base": score.before, "loop": score.after, "noise": score.floor,
@@ -160,6 +161,7 @@ def closed(log: DriveLog, out: Path) -> list[dict[str, Any]]:
 
 def predicted(log: DriveLog, later: DriveLog, models: tuple[Model, ...], runs: str) -> list[dict[str, Any]]:
     """Return the errors of odometry and of two models on later runs; all were fitted to `log`."""
+    # The log to which everything was fitted, and the later log, with the same channels.
     fitted, later_runs = (experiment_on(drive_log, models[0])[0] for drive_log in (log, later))
     odometry = {
         baseline.channel: baseline.error for baseline in odometry_baselines(fitted, models[0].rover, later_runs)

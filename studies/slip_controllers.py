@@ -141,6 +141,7 @@ def driven(case: Case, name: str, seed: int) -> list[float]:
 def line(drives: pd.DataFrame) -> str:
     """Return a controller's results as one line of text."""
     name = drives.control.iloc[0]
+    # Passed and buried drives by kind of ground.
     kinds = ", ".join(
         f"{kind} {int(rows.passed.sum())} / {int(rows.buried.sum())}" for kind, rows in drives.groupby("kind")
     )
@@ -153,6 +154,7 @@ def line(drives: pd.DataFrame) -> str:
 def figure(table: pd.DataFrame, out: Path) -> None:
     """Draw the share of passed against the share of buried drives, in percent."""
     sheet, axis = plot.new_figure(1, 1, size=(6.5, 4.5))
+    # A good controller is in the upper left corner.
     shares = table.groupby("control", sort=False)[["passed", "buried"]].mean() * 100.0
     for (name, row), colour in zip(shares.iterrows(), plot.COLOURS, strict=False):
         axis.plot(row.buried, row.passed, "o", color=colour, label=name)

@@ -242,9 +242,11 @@ def told(sums: list[list[float]], cases: list[Case]) -> pd.DataFrame:
     """Return bias, SD and RMS of each estimate's slip error by kind of drive, and over all drives."""
     rows = []
     for at, name in enumerate(ESTIMATES):
+        # Count, sum and sum of squares of this estimate, one row for each case.
         table = np.array(sums)[:, 3 * at : 3 * at + 3]
         for kind in (*dict.fromkeys(case.kind for case in cases), "all"):
             count, total, squares = table[[kind in (case.kind, "all") for case in cases]].sum(axis=0)
+            # An estimate without a table has no errors; the 1 avoids a division by zero.
             bias, rms = total / max(count, 1), math.sqrt(squares / max(count, 1))
             rows.append((name, kind, bias, math.sqrt(max(rms**2 - bias**2, 0.0)), rms))
     return pd.DataFrame(rows, columns=["estimate", "kind", "bias", "sd", "rms"])

@@ -81,6 +81,7 @@ def main() -> None:
 
 def summary(table: pd.DataFrame) -> list[str]:
     """Return the summary of the table: tolerances kept, errors underestimated, and median ratios."""
+    # A true error above the stated one is a failure of the estimate.
     low, keeps = table["off_m"] > table["stated_m"], table["kept"].astype(bool)
     ratio, load_ratio = table["stated_m"] / table["off_m"], table["load_stated"] / table["load_off"]
     return [
@@ -169,6 +170,7 @@ def figure(table: pd.DataFrame, out: Path) -> None:
     for colour, (keeps, rows) in zip(COLOURS, table.groupby(table["kept"].astype(bool)), strict=False):
         label = "keeps its tolerance" if keeps else "says that it keeps none"
         axes.loglog(1e3 * rows["off_m"], 1e3 * rows["stated_m"], ".", color=colour, label=label)
+    # Points above the diagonal state more than their true error, which is the safe side.
     ends = np.array([1e-5, 1e2])
     axes.plot(ends, ends, color="0.5", label="as stated")
     axes.set(xlabel="true error [mm]", ylabel="stated error [mm]")

@@ -123,6 +123,7 @@ def draw(tables: dict[str, pd.DataFrame], path: Path) -> None:
     """Draw the four panels of the figure."""
     figure, axes = plt.subplots(2, 2, figsize=(12, 9), layout="constrained")
     draw_load(axes[0, 0], tables["by_load"])
+    # Panels over slope show one soil; all soils would not be readable.
     on_slope = tables["by_slope"][tables["by_slope"].soil == ON_SLOPE]
     draw_slope(axes[0, 1], on_slope)
     draw_climbable(axes[1, 0], tables["climbable"])
@@ -136,6 +137,7 @@ def draw(tables: dict[str, pd.DataFrame], path: Path) -> None:
 def draw_load(axis: Axes, table: pd.DataFrame) -> None:
     """Draw the bounds of one wheel over load."""
     for soil, colour in SETS.items():
+        # Solid lines are T_sat, dashed lines T_lim.
         of_soil = table[table.soil == soil]
         axis.plot(of_soil.load_N, 1e3 * of_soil.T_sat_Nm, color=colour, label=soil)
         axis.plot(of_soil.load_N, 1e3 * of_soil.T_lim_Nm, color=colour, ls="--")
@@ -148,6 +150,7 @@ def draw_load(axis: Axes, table: pd.DataFrame) -> None:
 def draw_slope(axis: Axes, table: pd.DataFrame) -> None:
     """Draw the bounds of the rover's wheels over slope."""
     for wheel, (name, colour) in AXLES.items():
+        # One wheel of each axle is enough, because left and right are equal on a straight slope.
         of_wheel = table[table.wheel == wheel]
         axis.plot(of_wheel.slope_deg, 1e3 * of_wheel.T_sat_Nm, color=colour, label=name)
         axis.plot(of_wheel.slope_deg, 1e3 * of_wheel.T_lim_Nm, color=colour, ls="--")
@@ -185,6 +188,7 @@ def draw_margin(axis: Axes, table: pd.DataFrame) -> None:
         of_wheel = table[table.wheel == wheel]
         axis.plot(of_wheel.slope_deg, of_wheel.T_sat_Nm / MOTOR.stall_torque, color=colour, label=name)
         axis.plot(of_wheel.slope_deg, of_wheel.duty_lim, color=colour, ls="--")
+    # Where a curve lies below this duty, constant duty spins a blocked wheel.
     axis.axhline(CRUISE_DUTY, color="black", ls=":", lw=1.2, label="duty 0.55, without control")
     axis.set(title=f"Duty at which a held wheel reaches its bound, {ON_SLOPE}")
     axis.set(xlabel="slope [deg]", ylabel="duty = bound / stall torque [-]", xlim=(0, 30), ylim=(0, 0.8))

@@ -123,6 +123,7 @@ def judged(
 ) -> pd.DataFrame:
     """Return a row for every drive, control (with a law for each drive) and seed of noise."""
     rows = []
+    # Every drive with every noise seed; all laws meet the same noise.
     turns = [(at, turn) for at in range(len(fresh)) for turn in range(seeds)]
     for name, of_drives in laws.items():
         jobs = [(fresh[at], Control.of(*of_drives[at], 1000 * at + turn)) for at, turn in turns]
@@ -136,6 +137,7 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
     """Return, by ground and control, the shares of outcomes and the drives that differ from the hand-set law."""
     rows = []
     for ground, part in [*table.groupby("ground", sort=False), ("all", table)]:
+        # Costs by drive, control and seed, so that laws can be compared drive by drive.
         costs = part.pivot_table(index="drive", columns=["control", "seed"], values="cost")
         for name, drives in part.groupby("control", sort=False):
             through, buried = 100.0 * (1.0 - drives["stuck"].mean()), 100.0 * drives["buried"].mean()

@@ -65,6 +65,7 @@ def least(call: Callable[[], object], number: int, repeats: int) -> float:
     """Return the smallest of the mean times per call [us], one mean per repeat."""
     best = math.inf
     for _ in range(repeats):
+        # The mean of a short loop removes the cost of the clock; the minimum removes interruptions by other processes.
         start = time.perf_counter()
         for _ in range(number):
             call()

@@ -91,6 +91,7 @@ def least(call: Callable[[], Any], repeats: int) -> float:
 def whole_drive(case: Scenario, repeats: int) -> float:
     """Print and return the time of the whole drive: settling, stepping, control, sampling and the trace [s]."""
     seconds = least(lambda: case.drive(measure_error=False), repeats)
+    # The settling at the start is paid once, so it is timed apart.
     settling = least(lambda: settled_state(case.model, case.start, case.symmetric), repeats)
     print(
         f"20 s of the ditch at dt = {1e3 * case.timing.dt:g} ms: {seconds:.3f} s, {DURATION / seconds:.0f} x real time"
@@ -164,8 +165,10 @@ def python_controller(case: Scenario, repeats: int) -> float:
     """Print and return the additional time of a controller in Python, which reads nothing, for each sample [us]."""
     times = [math.inf, math.inf]
     for _ in range(repeats):
+        # The compiled controller and one in Python alternate, so that both meet the same load of the machine.
         for i, controller in enumerate((case.controller, lambda reading: 0.55)):
             times[i] = min(times[i], least(lambda c=controller: drive_under(case, c), 1))  # type: ignore[misc]
+    # The difference, spread over the control samples of the drive.
     each_sample = 1e6 * (times[1] - times[0]) * case.timing.control / DURATION
     print(f"    a controller in Python {each_sample:.1f} us a sample, all included")
     return each_sample

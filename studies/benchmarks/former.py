@@ -17,6 +17,7 @@ ROOT = Path(__file__).parents[2]
 @contextmanager
 def checkout(commit: str) -> Iterator[Path]:
     """Yield a folder with the package and the rovers of a commit. Put the folder first in PYTHONPATH."""
+    # Only the package and its rovers are extracted, not the tests and studies.
     packed = subprocess.run(["git", "archive", commit, "rover_pin", "urdf"], cwd=ROOT, check=False, capture_output=True)
     if packed.returncode:
         raise SystemExit(f"{ROOT} has no commit {commit}: run this in a clone with its history")

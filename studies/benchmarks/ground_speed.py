@@ -70,6 +70,7 @@ def compare_grounds(turns: int) -> dict[str, float]:
     drives: dict[str, Callable[[], Any]] = {}
     for name, terrain in grounds().items():
         model = dataclasses.replace(case.model, terrain=terrain)
+        # The default argument binds this model; a plain lambda would see the last one.
         drives[name] = lambda model=model: drive_once(case, model)  # type: ignore[misc]
     first, *others = least(drives, turns).items()
     print(f"{first[0]:38s} {1e3 * first[1]:6.1f} ms for 20 s, {20.0 / first[1]:.0f} x real time")
@@ -116,6 +117,7 @@ def least(calls: dict[str, Callable[[], Any]], turns: int) -> dict[str, float]:
     """Return the minimum CPU time [s] of each call. The calls alternate, after one untimed turn."""
     best = dict.fromkeys(calls, np.inf)
     for turn in range(turns + 1):
+        # The calls alternate within a turn, so that slow changes of the machine affect all of them.
         for name, call in calls.items():
             begin = time.process_time()
             call()

@@ -168,9 +168,11 @@ def again(missed: list[dict], tests: list[Path], most: float) -> Iterator[dict]:
     for row in missed:
         file = Path(row["file"])
         text = file.read_text(encoding="utf-8")
+        # A line that has been rewritten since the last run cannot be changed in the same way.
         if row["as it is"] in text:
             file.write_text(text.replace(row["as it is"], row["changed"], 1), encoding="utf-8")
             outcome, _ = run_tests(" ".join(command(tests)), most)
+            # Restore the file before the next change.
             file.write_text(text, encoding="utf-8")
             if outcome == "survived":
                 yield row

@@ -73,8 +73,10 @@ def drive(random: np.random.Generator) -> Drive:
 def _speed(t: np.ndarray, random: np.random.Generator) -> np.ndarray:
     """Return the speed over ground [m/s], with one or two stops, and in one drive of three a section in reverse."""
     speed = float(random.uniform(0.06, 0.35)) * (1.0 + 0.35 * _waves(t, random, 0.02, 0.2))
+    # One or two stops of 5 s.
     for at in random.uniform(0.2, 0.8, random.integers(1, 3)) * t[-1]:
         speed = speed * ~((t > at) & (t < at + 5.0))
+    # In one drive of three, a section in reverse.
     if random.random() < 1.0 / 3.0:
         begin = float(random.uniform(0.3, 0.6)) * t[-1]
         speed = np.where((t > begin) & (t < begin + 0.3 * t[-1]), -speed, speed)
@@ -96,9 +98,11 @@ def _hills(
     z, gx, gy = (np.zeros(len(x)) for _ in range(3))
     for _ in range(4):
         length, angle, phase = random.uniform(4.0, 14.0), random.uniform(0.0, 6.28), random.uniform(0.0, 6.28)
+        # Height grows with wavelength, so that all waves have similar slopes.
         k, size = 2.0 * np.pi / length, 0.008 * length
         u, v = k * np.cos(angle), k * np.sin(angle)
         z += size * np.sin(u * x + v * y + phase)
         gx += size * u * np.cos(u * x + v * y + phase)
         gy += size * v * np.cos(u * x + v * y + phase)
+    # Slopes along the heading and to its left, from the gradient in x and y.
     return z, np.cos(yaw) * gx + np.sin(yaw) * gy, np.cos(yaw) * gy - np.sin(yaw) * gx

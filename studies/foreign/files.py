@@ -135,6 +135,7 @@ def _messages(ros: Any, truth: Drive, row: int, pose: str, decoys: bool, sound: 
     nothing = np.zeros(36)
 
     def odometry(scale: float, v: float, omega: float, header: Any) -> Any:
+        # The wheel odometry reports a longer path than the true one; `scale` gives the factor.
         place = point(x=scale * float(truth.x[row]), y=scale * float(truth.y[row]), z=float(truth.z[row]))
         twist = kind("geometry_msgs/msg/Twist")(linear=vector(x=v, y=0.0, z=0.0), angular=vector(x=0.0, y=0.0, z=omega))
         return kind("nav_msgs/msg/Odometry")(

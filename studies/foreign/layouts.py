@@ -57,6 +57,7 @@ class _Writer:
 
     def put(self, name: str, values: Any, unit: str = "") -> None:
         """Add a column; the unit appears in its name as the notation requires."""
+        # Without a notation of units, or for a column without unit, the bare name is used.
         if self.notation == "none" or not unit:
             pass
         elif self.notation == "suffix":
@@ -178,6 +179,7 @@ def _heading(writer: _Writer, frame: str) -> None:
 
 def _quaternion(truth: Drive) -> tuple[np.ndarray, ...]:
     """Return x, y, z, w of the attitude, from yaw, pitch and roll in this order."""
+    # Cosine and sine of half the yaw, pitch and roll.
     (cy, sy), (cp, sp), (cr, sr) = (
         (np.cos(0.5 * turn_angle), np.sin(0.5 * turn_angle)) for turn_angle in (truth.yaw, truth.pitch, truth.roll)
     )
@@ -196,6 +198,7 @@ def _tilt(writer: _Writer) -> None:
     writer.truth |= {"body_pitch": writer.seen.pitch, "body_roll": writer.seen.roll}
     if kind != "none":
         unit = writer.pick("rad", "deg")
+        # The truth has the pitch positive with the nose down.
         scale = 1.0 / DEG if unit == "deg" else 1.0
         writer.put(writer.word("pitch"), (-scale if kind == "nose up" else scale) * writer.seen.pitch, unit)
         writer.put(writer.word("roll"), scale * writer.seen.roll, unit)

@@ -146,11 +146,13 @@ def forces(
 def tangential(runs: Runs, theta: np.ndarray, theta_f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return speed and distance of the rim relative to the sand; in front of theta_0 a braked rim drags the sand."""
     omega, v = runs.rim / runs.r_s, runs.ahead
+    # theta_0 separates the front part, where a braked rim drags the sand along, from the rear part.
     theta_0 = theta_f * (1.0 + (runs.rim / runs.travel - 1.0) / 2.0)
     dragged = (np.sin(theta_f) - np.sin(theta_0)) / np.where(runs.driven, 1.0, theta_f - theta_0)
     in_front = ~runs.driven & (theta > theta_0)
     along = runs.rim - v * np.cos(theta) + np.where(in_front, dragged * v - runs.rim, 0.0)
     start = np.where(runs.driven, theta_f, theta_0)
+    # Shear displacement behind theta_0, and then in front of it.
     rear = R * (start - theta) - (np.sin(start) - np.sin(theta)) * v / omega
     front = v / omega * ((theta_f - theta) * dragged - (np.sin(theta_f) - np.sin(theta)))
     return along, np.where(in_front, front, rear)

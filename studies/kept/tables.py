@@ -20,6 +20,7 @@ def calibration(cases: Sequence[tuple[Mapping[str, float], Sequence[str]]]) -> p
     pairs = [(probability, name in truth) for chances, truth in cases for name, probability in chances.items()]
     rows = []
     for low, high in itertools.pairwise(SAID):
+        # The last class includes a probability of exactly 1.
         inside = [row for row in pairs if low <= row[0] < high or (high == SAID[-1] and row[0] >= high)]
         if inside:
             rows.append([f"{low:g} to {high:g}", len(inside), *np.mean(inside, axis=0)])

@@ -35,6 +35,7 @@ def inclusion_of(verdict: Verdict, true: Sequence[str]) -> dict[str, float]:
     """Return the probability of each cause that may be active, and of the true causes."""
     assert verdict.beliefs is not None
     included = {plain(name): probability for name, probability in verdict.beliefs.included.items()}
+    # True causes are stored even if their probability is negligible, because the calibration needs them.
     return {
         name: probability
         for name, probability in (dict.fromkeys(true, 0.0) | included).items()

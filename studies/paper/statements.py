@@ -41,6 +41,7 @@ def slip_on(slope_deg: float) -> Callable[[np.ndarray], float]:
         """Return the first S with F(S) = tan(slope), by linear interpolation."""
         if F[0] >= required:
             return 0.0
+        # The first slip at which the traction suffices; F may fall again at a higher slip.
         over = np.flatnonzero(required <= F)
         if not over.size:
             return 1.0 + float(required - F.max())  # a slope for the search where no slip holds

@@ -59,6 +59,7 @@ def _digging(rng: np.random.Generator, case: DriveCase, share: float) -> DriveCa
 
 def _drawn(rng: np.random.Generator, ditch: bool, duration: float, number: int) -> DriveCase:
     """Return a random drive through a ditch or up an incline."""
+    # The order of the draws is fixed, so that a seed always gives the same drives.
     k = round(math.exp(rng.uniform(*np.log(SHEAR))), 5)
     lost = round(float(rng.uniform(*LOSSES)), 3) if rng.random() < 0.5 else 0.0
     angle = round(float(rng.uniform(*(WALLS if ditch else INCLINES))), 1)

@@ -49,6 +49,7 @@ class RoverNode(Node):
         """Hold the commanded motion from now on; sideways motion needs wheels that steer."""
         x, y = message.linear.x, message.linear.y
         try:
+            # A sideways component asks for crabbing in the direction of travel.
             self.hold(math.hypot(x, y) if y else x, message.angular.z, math.atan2(y, x) if y else 0.0)
         except ParameterError as error:
             self.get_logger().warning(f"cmd_vel is not obeyed: {error}")
