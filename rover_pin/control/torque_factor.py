@@ -14,8 +14,8 @@ OUTSIDE_STRETCHES = -1e3
 """Position x of the wheel [m] in this file's computations. Effects that belong to a stretch of the ground do not act at
 this position."""
 MAX_TRAVELLING_SLIP = 0.95
-"""Maximum slip at which `pull_factors` evaluates the pull [-]. A larger slip gets the pull at this slip, because a wheel
-that does not travel has no motion resistance, and would seem to pull harder."""
+"""Maximum slip at which `pull_factors` evaluates the pull [-]. A larger slip gets the pull at this slip, because a
+wheel that does not travel has no motion resistance, and would seem to pull harder."""
 WHEELS_BEFORE = 1
 """Number of wheels that have passed the ground before this wheel, as for a wheel of the middle axle. Effects of
 multiple passes need this number."""
