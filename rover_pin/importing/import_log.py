@@ -237,9 +237,12 @@ class _Piece(NamedTuple):
     part: Part
 
 
-def _pieces(mapping: Matching, rover: Rover, most: int) -> tuple[list[_Piece], list[str]]:
-    """Cut all recordings into runs, keep at most `most` of them, and return them with notes on the omitted ones."""
-    drives = {path: drive_of(file.t, mapping.values[path], rover) for path, file in mapping.recordings.items()}
+def _write_log(
+    folder: Path, sources: Sequence[Source], rover: str | Path, loaded_rover: Rover, mapping: Matching, most: int
+) -> ImportResult:
+    """Write the CSV file of each run and then drive.toml, and return the list of files with sentences on the log."""
+    # All recordings are cut into runs, and at most `most` runs are kept.
+    drives = {path: drive_of(file.t, mapping.values[path], loaded_rover) for path, file in mapping.recordings.items()}
     pieces = [_Piece(path, drive, part) for path, drive in drives.items() for part in parts(drive)]
     empty = [path.name for path in drives if path not in {piece.path for piece in pieces}]
     if not pieces:
@@ -247,25 +250,17 @@ def _pieces(mapping: Matching, rover: Rover, most: int) -> tuple[list[_Piece], l
             f"{next(iter(drives))}: the wheels never turn for 8 s without a stop, so there is no drive to compare with "
             "a simulation: give a recording with a longer drive."
         )
-    notes = [f"{name}: left out, because the wheels never turn for 8 s without a stop" for name in empty]
+    remarks = [f"{name}: left out, because the wheels never turn for 8 s without a stop" for name in empty]
     indices = choose_parts([(piece.drive, piece.part) for piece in pieces], most)
     picks = [pieces[at] for at in indices]
     if len(picks) < len(pieces):
         times = sum(float(piece.drive.t[piece.part.last - 1] - piece.drive.t[piece.part.first]) for piece in picks)
         total = sum(float(drive.t[-1]) for drive in drives.values())
-        notes.append(
+        remarks.append(
             f"{len(picks)} of {len(pieces)} runs are kept, {times:.0f} s of {total:.0f} s. These runs are the most "
             "informative on slip, slope, turns and wheel rates. The option --most keeps more runs"
         )
-    return picks, notes
-
-
-def _write_log(
-    folder: Path, sources: Sequence[Source], rover: str | Path, loaded_rover: Rover, mapping: Matching, most: int
-) -> ImportResult:
-    """Write the CSV file of each run and then drive.toml, and return the list of files with sentences on the log."""
-    pieces, remarks = _pieces(mapping, loaded_rover, most)
-    runs, base = list(_runs(pieces, mapping)), base_of(loaded_rover)
+    runs, base = list(_runs(picks, mapping)), base_of(loaded_rover)
     unused = f"{sources[0].path.name}: columns not used: {', '.join(mapping.unused[:30])}" if mapping.unused else ""
     of_files = (note for source in sources for note in source.notes)
     notes = tuple(dict.fromkeys(filter(None, (*of_files, *mapping.notes, *remarks, unused))))

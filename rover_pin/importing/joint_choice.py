@@ -324,8 +324,26 @@ def choose(
     posterior = shares(logs)
     best = np.unravel_index(int(np.argmax(logs)), logs.shape)
     parts = tuple(int(choice) for choice in best)
-    # Readings that give the same numbers count as one, because the user need not choose between them.
-    agreeing = _same_numbers(blocks[parts[0]][0], lasts, options, parts)
+
+    def like(values: np.ndarray, at: int, tolerance: float = SAME) -> np.ndarray:
+        """Return a mask of the choices whose values differ from those of choice `at` by at most the relative
+        tolerance.
+        """
+        # A missing signal (NaN) is compared as 0, so that two choices without this signal count as equal.
+        flat = np.nan_to_num(values.reshape(len(values), -1))
+        return np.asarray(np.linalg.norm(flat - flat[at], axis=1) <= tolerance * np.linalg.norm(flat[at]))
+
+    # Columns with the same numbers as the chosen one count as one choice, because it does not matter which of them is
+    # taken. For clock, position, heading and wheels, a mask marks these columns among the possible ones.
+    clock, place, heading, wheel = parts
+    chosen = blocks[clock][0]
+    free = np.array([choice.free for choice in options.wheels])
+    agreeing = [
+        np.abs(np.array(lasts) / lasts[clock] - 1.0) < SAME,
+        like(chosen.places, place),
+        like(chosen.headings, heading, 5.0 * SAME),
+        like(chosen.rates, wheel) & (free == free[wheel]),
+    ]
     share, rival = {}, {}
     for axis, (part, agree) in enumerate(zip(PARTS, agreeing, strict=True)):
         along = np.moveaxis(posterior, axis, 0)
@@ -336,38 +354,3 @@ def choose(
         *((file.places[parts[1]], file.rims[parts[3]]) for file in blocks[parts[0]]), strict=True))  # fmt: skip
     gear = math.exp(LOG_GROUND[0]) * float(rolled) / max(float(travelled), 1e-12)
     return Selection(parts, share, rival, float(posterior.sum()), gear)  # type: ignore[arg-type]
-
-
-def _same_numbers(blocks: Signals, lasts: Sequence[float], options: Options, best: tuple[int, ...]) -> list[np.ndarray]:
-    """Return, for clock, position, heading and wheels, a mask of the possible columns whose numbers equal the numbers
-    of the chosen one.
-
-    Such columns count as one choice, because it does not matter which of them is taken. Each of the four masks has one
-    entry for each possible column.
-
-    Parameters
-    ----------
-    blocks : Signals
-        The signals of the first file on the chosen clock.
-    lasts : sequence of float
-        Duration of this file by each possible clock [s].
-    best : tuple of int
-        Indices of the chosen clock, position, heading and wheels.
-    """
-
-    def like(values: np.ndarray, at: int, tolerance: float = SAME) -> np.ndarray:
-        """Return a mask of the choices whose values differ from the values of choice `at` by at most the relative
-        tolerance.
-        """
-        # A missing signal (NaN) is compared as 0, so that two choices without this signal count as equal.
-        flat = np.nan_to_num(values.reshape(len(values), -1))
-        return np.asarray(np.linalg.norm(flat - flat[at], axis=1) <= tolerance * np.linalg.norm(flat[at]))
-
-    clock, place, heading, wheel = best
-    free = np.array([choice.free for choice in options.wheels])
-    return [
-        np.abs(np.array(lasts) / lasts[clock] - 1.0) < SAME,
-        like(blocks.places, place),
-        like(blocks.headings, heading, 5.0 * SAME),
-        like(blocks.rates, wheel) & (free == free[wheel]),
-    ]

@@ -111,30 +111,7 @@ def _table_of(path: Path, messages: Iterator[Messages]) -> tuple[pd.DataFrame, t
 
     The notes state the number of fields, the topics of unknown type, and the topics whose time stamps were not used.
     """
-    series, skipped, stale = _series(messages)
-    if not series:
-        raise DataError(
-            f"{path}: no topic of the bag has numbers in at least {MIN_MESSAGES} messages, so there is nothing to "
-            "import: give a longer recording."
-        )
-    # A command or a duty keeps its value until the next message; measured values are interpolated.
-    held = {name for name in series if word(name).has(COMMAND | DUTY)}
-    table, period = on_one_clock(path, series, held)
-    omissions = [f"topics of unknown type are left out: {', '.join(skipped)}"] if skipped else []
-    if stale:
-        omissions.append(
-            "the time stamps of some topics do not increase or belong to another clock, so times of receipt are taken: "
-            f"{', '.join(stale)}"
-        )
-    return table, (f"the {len(series)} fields of the bag are interpolated to a row every {period:g} s", *omissions)
-
-
-def _series(messages: Iterator[Messages]) -> tuple[Series, list[str], list[str]]:
-    """Return the series of every field, the topics that cannot be decoded, and the topics whose time stamps are
-    unusable.
-
-    A time stamp is unusable if it does not increase, or if it belongs to another clock than the time of receipt.
-    """
+    # Collect the samples of every field. A topic that cannot be decoded is skipped.
     # An array keeps a sample in 24 bytes, a tuple in 200. A packed bag of a few kB may hold millions of numbers.
     samples_of: dict[str, tuple[array[int], array[int], array[float]]] = {}
     skipped: set[str] = set()
@@ -153,6 +130,8 @@ def _series(messages: Iterator[Messages]) -> tuple[Series, list[str], list[str]]
             samples[0].append(at)
             samples[1].append(received)
             samples[2].append(value)
+    # The time stamps of a topic are unusable if they do not increase, or if they belong to another clock than the times
+    # of receipt.
     series: Series = {}
     stale: dict[str, None] = {}
     for field, samples in samples_of.items():
@@ -163,7 +142,21 @@ def _series(messages: Iterator[Messages]) -> tuple[Series, list[str], list[str]]
             stale[field.split(".")[0]] = None
             stamps = receipts
         series[field] = (stamps, values)
-    return series, sorted(skipped), list(stale)
+    if not series:
+        raise DataError(
+            f"{path}: no topic of the bag has numbers in at least {MIN_MESSAGES} messages, so there is nothing to "
+            "import: give a longer recording."
+        )
+    # A command or a duty keeps its value until the next message; measured values are interpolated.
+    held = {name for name in series if word(name).has(COMMAND | DUTY)}
+    table, period = on_one_clock(path, series, held)
+    omissions = [f"topics of unknown type are left out: {', '.join(sorted(skipped))}"] if skipped else []
+    if stale:
+        omissions.append(
+            "the time stamps of some topics do not increase or belong to another clock, so times of receipt are taken: "
+            f"{', '.join(stale)}"
+        )
+    return table, (f"the {len(series)} fields of the bag are interpolated to a row every {period:g} s", *omissions)
 
 
 def _stamp(message: Any) -> int | None:

@@ -89,28 +89,21 @@ def mcap_messages(path: Path) -> Iterator[tuple[str, int | None, int, Any]]:
     except (OSError, ValueError, struct.error, KeyError) as error:
         why = getattr(error, "strerror", "") or "its records are damaged or incomplete"
         raise DataError(f"{path}: the MCAP file cannot be read: {why}.") from error
-    if not any(decoders.values()):
-        raise DataError(f"{path}: {_foreign(kinds)}")
-
-
-def _foreign(kinds: Counter[Channel]) -> str:
-    """Return the error text for an MCAP file without a readable channel.
-
-    The text lists the channels and the readable encodings, and states how to convert the file.
-    """
-    # The error lists the channels, so that the user sees what the file holds.
     if not kinds:
-        return "the MCAP file holds no messages, so there is nothing to import."
-    names = [
-        f"{channel.topic} ({count} messages of {channel.schema_name or 'no schema'}, {channel.encoding or 'unknown'})"
-        for channel, count in kinds.most_common(MAX_NAMED_CHANNELS)
-    ]
-    more = f" and {len(kinds) - len(names)} more" if len(kinds) > len(names) else ""
-    return (
-        f"the MCAP file holds {', '.join(names)}{more}, but only messages with the encodings "
-        f"{', '.join(READ_ENCODINGS)} can be read. Convert the file by `mcap cat --json FILE > FILE.jsonl` and give "
-        "FILE.jsonl, or export a CSV from a plotter."
-    )
+        raise DataError(f"{path}: the MCAP file holds no messages, so there is nothing to import.")
+    if not any(decoders.values()):
+        # The error lists the channels, so that the user sees the content of the file.
+        names = [
+            f"{channel.topic} ({count} messages of {channel.schema_name or 'no schema'}, "
+            f"{channel.encoding or 'unknown'})"
+            for channel, count in kinds.most_common(MAX_NAMED_CHANNELS)
+        ]
+        more = f" and {len(kinds) - len(names)} more" if len(kinds) > len(names) else ""
+        raise DataError(
+            f"{path}: the MCAP file holds {', '.join(names)}{more}, but only messages with the encodings "
+            f"{', '.join(READ_ENCODINGS)} can be read. Convert the file by `mcap cat --json FILE > FILE.jsonl` and "
+            "give FILE.jsonl, or export a CSV from a plotter."
+        )
 
 
 def _decoder(path: Path, channel: Channel) -> Callable[[bytes], Any] | None:

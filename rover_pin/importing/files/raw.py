@@ -93,27 +93,23 @@ def read_raw(path: Path) -> Raw:
         filled = table[name][_full(table[name])].astype(str)
         words = filled[pd.to_numeric(filled, errors="coerce").isna()]
         texts[name] = next(iter(words), next(iter(filled), ""))
-    return Raw(path, numbers, (*notes, *omissions, *_word_notes(table, numbers)), dates, texts)
-
-
-def _word_notes(table: pd.DataFrame, numbers: pd.DataFrame) -> Iterator[str]:
-    """Yield a note on each word that takes the place of numbers in some rows, with the columns and the first row of the
-    word.
-    """
-    # Columns that lose the same cells to the same word share one note, as x and y do with "NO FIX".
+    # A note states each word that stands in place of numbers in some rows, with its columns and its first row. Columns
+    # that lose the same cells to the same word share one note, as x and y do with "NO FIX".
     named: dict[tuple[str, int, int], list[str]] = {}
     for name in numbers:
         lost = (_full(table[name]) & numbers[name].isna()).to_numpy()
         if lost.any():
-            word = str(table[name][lost].iloc[0])
-            named.setdefault((word, int(np.argmax(lost)) + 1, int(lost.sum())), []).append(str(name))
+            key = (str(table[name][lost].iloc[0]), int(np.argmax(lost)) + 1, int(lost.sum()))
+            named.setdefault(key, []).append(str(name))
+    word_notes = []
     for (word, row, count), names in named.items():
         columns = " and ".join(f"'{name}'" for name in names[:4])
         columns += f" and {len(names) - 4} more" if len(names) > 4 else ""
-        yield (
+        word_notes.append(
             f"{count} cells of {columns} are left out, because they hold no numbers. The first of them is {word!r} in "
             f"row {row}"
         )
+    return Raw(path, numbers, (*notes, *omissions, *word_notes), dates, texts)
 
 
 def _full(column: pd.Series) -> pd.Series:
