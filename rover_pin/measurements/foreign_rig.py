@@ -186,7 +186,22 @@ class RigTable:
                     f"{kind.column} is not used: the {kind.name} is compared only in runs with {ANGLE} above "
                     f"{STRAIGHT}; add the column {ANGLE}, positive if the wheel travels to its right"
                 )
-        self._refuse_missing(columns)
+        # A set needs a slip, a load and a measured channel. On a slope, the pull is the component of the weight along
+        # the slope, and a mass gives the load.
+        if SLOPE not in columns and not any(kind.column in columns for kind in RIG_CHANNELS):
+            raise DataError(
+                f"{self.file}: no column is known as a measured channel: name one drawbar_pull_N, torque_Nm or "
+                f"sinkage_m, or give --column drawbar_pull_N='FORMULA'. {self._names()}"
+            )
+        missing = [name for name in ("slip", "load_N") if name not in columns]
+        if "load_N" in missing and LOAD_MASS in columns:
+            missing.remove("load_N")
+        if missing:
+            constant = " If all runs have one load, give --column load_N=50." if "load_N" in missing else ""
+            raise DataError(
+                f"{self.file}: no column is known as {' or '.join(missing)}: rename the column in the table, or give "
+                f"--column {missing[0]}='FORMULA' with columns of the table.{constant} {self._names()}"
+            )
         self._refuse_other_slips(columns["slip"], slip_definition)
         if "sinkage_m" in columns:
             depths(columns["sinkage_m"], float(wheel.r), f"'{self.sources['sinkage_m'].name}'", str(self.file))
@@ -218,26 +233,6 @@ class RigTable:
         # A column without a unit in its name is taken as SI.
         values = self.table.numbers(source.name)
         return values * (scale_to(source.unit, UNITS[column.replace("_sd_", "_")]) if source.unit else 1.0)
-
-    def _refuse_missing(self, columns: Mapping[str, np.ndarray]) -> None:
-        """Raise DataError if the table has no slip, no load or no measured channel; the message states how the user can
-        name these columns.
-        """
-        has_pull = SLOPE in columns  # on a slope, the pull is the component of the weight along the slope
-        if not has_pull and not any(kind.column in columns for kind in RIG_CHANNELS):
-            raise DataError(
-                f"{self.file}: no column is known as a measured channel: name one drawbar_pull_N, torque_Nm or "
-                f"sinkage_m, or give --column drawbar_pull_N='FORMULA'. {self._names()}"
-            )
-        missing = [name for name in ("slip", "load_N") if name not in columns]
-        if "load_N" in missing and LOAD_MASS in columns:
-            missing.remove("load_N")
-        if missing:
-            constant = " If all runs have one load, give --column load_N=50." if "load_N" in missing else ""
-            raise DataError(
-                f"{self.file}: no column is known as {' or '.join(missing)}: rename the column in the table, or give "
-                f"--column {missing[0]}='FORMULA' with columns of the table.{constant} {self._names()}"
-            )
 
     def _names(self) -> str:
         """Return a sentence that lists the column names of the researcher's table, for error messages."""

@@ -83,8 +83,7 @@ def suspicions(data: RigSet) -> list[Finding]:
     """Return findings on numbers of a rig data set that are possible but improbable, such as a load in kg or a reversed
     sign.
     """
-    checks = (*_of_units(data), *_of_pull(data), *_of_sinkage(data), *_of_arm(data))
-    return [Finding(check.what, data.name, check.todo) for check in checks if check.is_beyond]
+    return [Finding(check.what, data.name, check.todo) for check in _doubtful(data) if check.is_beyond]
 
 
 def _impossible(data: RigSet) -> Iterator[Check]:
@@ -154,8 +153,8 @@ def _little_torque(data: RigSet, limit: float) -> Check:
     return Check(share < limit, what, "check the units of torque_Nm and load_N, and the wheel's r")
 
 
-def _of_units(data: RigSet) -> Iterator[Check]:
-    """Yield checks of a rig data set that find wheel sizes, forces and torques in a wrong unit."""
+def _doubtful(data: RigSet) -> Iterator[Check]:
+    """Yield the checks that find a wrong unit, and an improbable pull, sinkage or vertical moment."""
     # A width or radius in another unit gives an impossible ratio.
     slender = float(data.wheel.b) / (2.0 * float(data.wheel.r))
     what = f"the wheel's width is {slender:.2g} times its diameter"
@@ -166,12 +165,7 @@ def _of_units(data: RigSet) -> Iterator[Check]:
         yield Check(share > limit, what, "check whether load_N is in kg, or a sensor has an offset")
     yield _little_torque(data, DOUBTFUL_TORQUE)
 
-
-def _of_pull(data: RigSet) -> Iterator[Check]:
-    """Yield checks of a rig's drawbar pull.
-
-    The pull must not give out more work than was put in, must not fall with slip, and must not stay at zero.
-    """
+    # Pull: the pull must not give out more work than was put in, must not fall with slip, and must not stay at zero.
     # A single run may exceed the balance by noise, so the excess is compared with its SD.
     put_in, out, sd = work(data)
     gains = (data.slip > DRIVING) & (out - put_in > CLEAR_SDS * sd)
@@ -180,14 +174,14 @@ def _of_pull(data: RigSet) -> Iterator[Check]:
 
     # A pull with the wrong sign falls with slip and ends below zero.
     pull, sd = _read(data, DrawbarPull)
-    use = np.flatnonzero((data.slip > -DRIVING) & np.isfinite(pull))
-    if use.size >= MIN_TREND_RUNS and np.ptp(data.slip[use]) >= SLIPPING:
-        order = use[np.argsort(data.slip[use])]
-        low, high = (float(np.median(pull[part])) for part in (order[: use.size // 3], order[-(use.size // 3) :]))
+    runs = np.flatnonzero((data.slip > -DRIVING) & np.isfinite(pull))
+    if runs.size >= MIN_TREND_RUNS and np.ptp(data.slip[runs]) >= SLIPPING:
+        order = runs[np.argsort(data.slip[runs])]
+        low, high = (float(np.median(pull[part])) for part in (order[: runs.size // 3], order[-(runs.size // 3) :]))
         falls = spearmanr(data.slip[order], pull[order]).statistic < FALLING
         what = f"drawbar_pull_N falls with slip, from {low:.3g} to {high:.3g} N"
         todo = "check its sign: positive is forwards, and the pull of a wheel rises with slip before the wheel digs in"
-        yield Check(falls and high < -CLEAR_SDS * float(np.median(sd[use])), what, todo)
+        yield Check(falls and high < -CLEAR_SDS * float(np.median(sd[runs])), what, todo)
 
     # A pull that is nearly zero at all slips is in another unit or was not connected.
     largest, span = _some(np.max, np.abs(_over_load(data, pull, "N"))), np.ptp(data.slip)
@@ -196,11 +190,8 @@ def _of_pull(data: RigSet) -> Iterator[Check]:
         span > SLIPPING and largest < DOUBTFUL_PULL, what, "soil gives 0.1 or more: check the units of both columns"
     )
 
-
-def _of_sinkage(data: RigSet) -> Iterator[Check]:
-    """Yield checks for an implausibly soft or stiff soil, and for a wheel that sinks deeper than its axle."""
-    # Stiffness of the soil: mean pressure under the chord of the contact, over sinkage. Sinkages that do not exceed
-    # their noise are left out, because they would make the soil look rigid.
+    # Sinkage: the stiffness of the soil is the mean pressure under the chord of the contact, over sinkage. Sinkages
+    # that do not exceed their noise are left out, because they would make the soil look rigid.
     sunk, sd = _read(data, Sinkage)
     use = sunk > np.maximum(CLEAR_SDS * sd, 0.0)
     r, b, h = float(data.wheel.r), float(data.wheel.b), sunk[use]
@@ -218,19 +209,15 @@ def _of_sinkage(data: RigSet) -> Iterator[Check]:
     what = f"sinkage_m is {deepest:.3g} m in row {row}, deeper than the axle of a wheel of radius {r:g} m"
     yield Check(deepest > r, what, "check the unit and the zero of sinkage_m, because no model predicts such a run")
 
-
-def _of_arm(data: RigSet) -> Iterator[Check]:
-    """Yield the check that finds a vertical moment too large for the side force: the force would act beyond
-    the wheel.
-    """
+    # A vertical moment is too large for the side force if the force would act beyond the wheel.
     (moment, moment_sd), (side, side_sd) = _read(data, VerticalMoment), _read(data, SideForce)
     use = np.isfinite(moment) & data.askew & (np.abs(side) > CLEAR_SDS * side_sd)
     # The moment over the side force is the lever arm of the side force ahead of the wheel's centre.
-    arm, sd = (_some(np.median, ratio) for ratio in (moment[use] / side[use], moment_sd[use] / np.abs(side[use])))
+    arm, arm_sd = (_some(np.median, ratio) for ratio in (moment[use] / side[use], moment_sd[use] / np.abs(side[use])))
     where = "ahead of" if arm > 0.0 else "behind"
     what = f"by {VerticalMoment.column} the side force acts {abs(arm):.3g} m {where} the axle, beyond the rim"
     todo = "convert the moment to the wheel's centre, or state moment_arm in [rig], and check its unit"
-    yield Check(abs(arm) > float(data.wheel.r) + CLEAR_SDS * sd, what, todo)
+    yield Check(abs(arm) > float(data.wheel.r) + CLEAR_SDS * arm_sd, what, todo)
 
 
 def _over_load(data: RigSet, values: np.ndarray, unit: str) -> np.ndarray:
