@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_pin.base.errors import DataError
 from rover_pin.rover.description.meshes import mesh_file, read_mesh
-from rover_pin.rover.description.tree import Joint, Link, Shape, UrdfTree
+from rover_pin.rover.description.tree import Joint, Shape, UrdfTree
 
 log = logging.getLogger(__name__)
 
@@ -69,7 +69,21 @@ def wheel_size(tree: UrdfTree, joint: Joint, folder: Path, *, drawn_only: bool =
     if candidates:
         rim = (1.0 - ROUNDNESS_TOLERANCE) * max(size.r for size in candidates)
         return max(candidates, key=lambda size: (size.r >= rim, "cylinder" in size.source, size.r))
-    return None if drawn_only else _of_inertia(links[joint.child], joint.axis)
+    link = links[joint.child]
+    if drawn_only or link.body is None or not link.body.mass > 0.0:
+        return None
+    # No shape is round, so the size is that of the solid cylinder with the same inertia. A solid cylinder of mass m,
+    # radius r and width b has the moment of inertia m r^2 / 2 about its axis, and m (3 r^2 + b^2) / 12 across its axis.
+    # A real wheel has its mass further out or further in, so that the size is rough.
+    unit = link.body.axes.T @ (joint.axis / np.linalg.norm(joint.axis))
+    axial = float(unit @ link.body.inertia @ unit)
+    across = (float(np.trace(link.body.inertia)) - axial) / 2.0
+    if not axial > 0.0:
+        return None
+    r = math.sqrt(2.0 * axial / link.body.mass)
+    # The width must be positive, also for a ring, for which the solid cylinder would have none.
+    b = math.sqrt(max(12.0 * across / link.body.mass - 3.0 * r**2, (0.2 * r) ** 2))
+    return WheelSize(r, b, f"the inertia of link '{link.name}' as a solid cylinder's, which is a poor measure")
 
 
 def _about(points: np.ndarray, axis: np.ndarray) -> tuple[float, float] | None:
@@ -109,24 +123,3 @@ def _points(shape: Shape, folder: Path) -> np.ndarray | None:
         log.warning("%s", error)
         return None
     return points if len(points) else None
-
-
-def _of_inertia(link: Link, axis: np.ndarray) -> WheelSize | None:
-    """Return the size of the solid cylinder whose inertia equals the link's inertia, about an axis [3]; None if there
-    is no such cylinder.
-
-    A solid cylinder of mass m, radius r and width b has the moment of inertia m r^2 / 2 about its axis, and m (3 r^2 +
-    b^2) / 12 across its axis. A real wheel has its mass further out or further in, so that the size is rough.
-    """
-    if link.body is None or not link.body.mass > 0.0:
-        return None
-    unit = link.body.axes.T @ (axis / np.linalg.norm(axis))
-    # A solid cylinder has the axial moment m r^2 / 2, and the moment m (3 r^2 + b^2) / 12 across its axis.
-    axial = float(unit @ link.body.inertia @ unit)
-    across = (float(np.trace(link.body.inertia)) - axial) / 2.0
-    if not axial > 0.0:
-        return None
-    r = math.sqrt(2.0 * axial / link.body.mass)
-    # The width must be positive, also for a ring, for which the solid cylinder would have none.
-    b = math.sqrt(max(12.0 * across / link.body.mass - 3.0 * r**2, (0.2 * r) ** 2))
-    return WheelSize(r, b, f"the inertia of link '{link.name}' as a solid cylinder's, which is a poor measure")
