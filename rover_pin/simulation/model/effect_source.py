@@ -157,9 +157,25 @@ class EffectSource:
             default = ast.parse(textwrap.dedent("".join(lines))).body[0].body[1]  # type: ignore[attr-defined]
             members.append("".join(lines[: default.lineno - 1]) + textwrap.indent(code, " " * 8))
         helpers = [inspect.getsource(helper).rstrip() for helper in self.helpers]
+        # The imports of all names that the code of hooks and helpers uses; a name in a comment needs no import.
+        code = re.sub("#.*", "", "\n".join([*members, *helpers]))
+        used = {"dataclass", "ClassVar", "quantity", "Scalar", self.base.__name__, *re.findall(r"\b\w+\b", code)}
+        used |= {"State"} if self.states else set()
+        imports = {
+            module: f"from {module} import {', '.join(name for name in names.split() if name in used)}"
+            for module, names in IMPORTS.items()
+            if not used.isdisjoint(names.split())
+        }
+        # Three blocks, as a formatter orders them: the standard library, other packages, this package.
+        ours = [line for module, line in imports.items() if module.startswith("rover_pin")]
+        standard = [line for line in imports.values() if line not in ours]
+        others = [
+            f"import {package} as {name}" for package, name in (("casadi", "ca"), ("numpy", "np")) if name in used
+        ]
+        blocks = ("\n".join(block) for block in (standard, others, ours) if block)
         head = HEAD.format(
             summary=python_docstring(self.summary),
-            imports=self._imports("\n".join([*members, *helpers])),
+            imports="\n\n".join(blocks),
             constants="".join(f"\n{name} = {_literal(value)}\n" for name, value in self.constants.items()),
             name=self.name,
             base=self.base.__name__,
@@ -197,27 +213,6 @@ class EffectSource:
         }
         # The text differs if the law differs, so that it distinguishes two drafts with the same name in a cache.
         return effect_class(self.name, self.base, coefficients, members, self.text)()
-
-    def _imports(self, code: str) -> str:
-        """Return the import lines of the file: the imports of all names that the file uses. `code` is the code of its
-        hooks and helpers.
-        """
-        # A name in a comment needs no import.
-        code = re.sub("#.*", "", code)
-        used = {"dataclass", "ClassVar", "quantity", "Scalar", self.base.__name__, *re.findall(r"\b\w+\b", code)}
-        used |= {"State"} if self.states else set()
-        lines = {
-            module: f"from {module} import {', '.join(name for name in names.split() if name in used)}"
-            for module, names in IMPORTS.items()
-            if not used.isdisjoint(names.split())
-        }
-        # Three blocks, as a formatter orders them: the standard library, other packages, this package.
-        ours = [line for module, line in lines.items() if module.startswith("rover_pin")]
-        standard = [line for line in lines.values() if line not in ours]
-        others = [
-            f"import {package} as {name}" for package, name in (("casadi", "ca"), ("numpy", "np")) if name in used
-        ]
-        return "\n\n".join("\n".join(block) for block in (standard, others, ours) if block)
 
 
 def first_version(name: str, acts: str) -> EffectSource:

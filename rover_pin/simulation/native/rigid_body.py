@@ -254,7 +254,13 @@ class _RecursivePass:
             self._place(i)
             self._move(i)
         # Inwards: each body passes its force and its composite inertia (itself and all it carries) to its parent.
-        force: dict[int, tuple[ca.SX, ...]] = {i: self._force(i) for i in self.joints}
+        # The force, and the moment about its joint, give a body its bias acceleration (Newton-Euler equations).
+        force: dict[int, tuple[ca.SX, ...]] = {}
+        for i in self.joints:
+            (v, w), (a, b), (mass, first, second) = self.speed[i], self.gain[i], self.fixed[i][2:]
+            momentum, spin = mass * v - ca.cross(first, w), second @ w + ca.cross(first, v)
+            linear = mass * a - ca.cross(first, b) + ca.cross(w, momentum)
+            force[i] = (linear, second @ b + ca.cross(first, a) + ca.cross(w, spin) + ca.cross(v, momentum))
         composite: dict[int, tuple[ca.SX, ...]] = {i: self.fixed[i][2:] for i in self.joints}
         inertia, bias = ca.SX(nv, nv), ca.SX(nv, 1)
         for i in range(len(self.joints), BASE, -1):
@@ -312,15 +318,6 @@ class _RecursivePass:
         linear, angular = R.T @ (v + ca.cross(w, p)), R.T @ w + w_j
         self.speed[i] = (linear, angular)
         self.gain[i] = (R.T @ (a + ca.cross(b, p)) + ca.cross(linear, w_j), R.T @ b + ca.cross(angular, w_j))
-
-    def _force(self, i: int) -> tuple[ca.SX, ca.SX]:
-        """Return the force, and the moment about its joint, that give body i its bias acceleration (Newton-Euler
-        equations).
-        """
-        (v, w), (a, b), (mass, first, second) = self.speed[i], self.gain[i], self.fixed[i][2:]
-        momentum, spin = mass * v - ca.cross(first, w), second @ w + ca.cross(first, v)
-        force = mass * a - ca.cross(first, b) + ca.cross(w, momentum)
-        return force, second @ b + ca.cross(first, a) + ca.cross(w, spin) + ca.cross(v, momentum)
 
     def _force_on_parent(self, i: int, force: Any, moment: Any) -> tuple[ca.SX, ca.SX]:
         """Convert a force and a moment about the joint of body i to the parent's frame and joint, and return them."""

@@ -98,14 +98,43 @@ def drive_outcome(trace: Trace) -> DriveOutcome | None:
     if len(trace.t) < 2 or not trace.wheels or not np.all(radii_of(trace) > 0.0):
         return None
     paths = wheel_paths(trace)
-    # A drive that was never driven is held or slid. For all others the first condition that holds decides.
+    # A drive that was never driven is held or slid.
     if not np.any(paths.driven):
-        return _parked(trace, paths)
+        distance = _furthest(trace)
+        _, swing = _swing(trace, paths)
+        swing = swing and f"; {swing}"
+        if distance < STILL_SHARE * paths.r:
+            return DriveOutcome("held", math.nan, f"held: not driven, it stood still to {1e3 * distance:.2g} mm{swing}")
+        direction = "forwards" if paths.travelled[-1] > 0.0 else "back"
+        text = f"slid {direction} by {_length(distance)} without being driven, {_place(trace)}{swing}"
+        return DriveOutcome("slid", math.nan, text)
+    # For all other drives, the first condition that holds decides.
     for judge in (_slid_back, _stopped, _rocking, _stalled, _barely_moved, _sliding, _stuck):
         outcome = judge(trace, paths)
         if outcome is not None:
             return outcome
-    return _driving(trace, paths)
+    # No other outcome holds: the rover moves on or turns on the spot, or slowly moves against its duty.
+    ratio = _travel_ratio(paths)
+    last = float(ratio[-1]) if ratio.size else 1.0
+    kind, verb = ("driving", "drives on") if last >= 0.5 else ("creeping", "creeps on")
+    place = f"{_place(trace)}{_turn_text(trace)}"
+    # The rover turns on the spot if, over the last twentieth, the body's path is short compared with the wheels'.
+    begin = -1 - max(1, len(paths.t) // 20)
+    path = float(np.sum(np.hypot(*(np.diff(trace[name][begin:]) for name in ("body_x", "body_y")))))
+    on_the_spot = path <= ON_THE_SPOT * abs(float(paths.travelled[-1] - paths.travelled[begin]))
+    if on_the_spot and _turn_text(trace):
+        turn = math.degrees(float(trace["body_yaw"][-1] - trace["body_yaw"][begin]))
+        rate = turn / float(paths.t[-1] - paths.t[begin])
+        if rate:
+            sense, slipping = "left" if rate > 0.0 else "right", "" if kind == "driving" else ", its wheels slip much"
+            text = f"turns {sense} on the spot at {abs(rate):.2g} deg/s{slipping}, {place}"
+            return DriveOutcome(kind, math.nan, text)
+    time, travel, sideways = _late_motion(trace, paths)
+    across = f", sliding aside at {sideways / time:.2g} m/s" if sideways > ON_THE_SPOT * abs(travel) else ""
+    # Slower than `_slid_back` requires, the rover moves against its duty.
+    if travel < 0.0:
+        kind, verb, travel = "slid back", "slides back, against its duty,", -travel
+    return DriveOutcome(kind, math.nan, f"{verb} at {travel / time:.2g} m/s{across}, {place}")
 
 
 def wheel_paths(trace: Trace) -> WheelPaths:
@@ -120,21 +149,6 @@ def wheel_paths(trace: Trace) -> WheelPaths:
     turned, travelled = (np.cumsum(np.mean(speed * dt, axis=1)) for speed in (np.abs(rims), travel))
     driven = np.any(np.abs(duty) > NO_DUTY, axis=1) & (trace.t <= float(trace.attrs.get(HELD_SINCE, math.inf)))
     return WheelPaths(trace.t, turned, travelled, driven, float(np.mean(r)))
-
-
-def _parked(trace: Trace, paths: WheelPaths) -> DriveOutcome:
-    """Return the outcome of a drive whose motors were never driven: "held" if the rover stayed at rest, "slid" if it
-    moved.
-    """
-    distance = _furthest(trace)
-    _, swing = _swing(trace, paths)
-    swing = swing and f"; {swing}"
-    if distance < STILL_SHARE * paths.r:
-        return DriveOutcome("held", math.nan, f"held: not driven, it stood still to {1e3 * distance:.2g} mm{swing}")
-    direction = "forwards" if paths.travelled[-1] > 0.0 else "back"
-    return DriveOutcome(
-        "slid", math.nan, f"slid {direction} by {_length(distance)} without being driven, {_place(trace)}{swing}"
-    )
 
 
 def _furthest(trace: Trace) -> float:
@@ -295,35 +309,6 @@ def _stuck(trace: Trace, paths: WheelPaths) -> DriveOutcome | None:
     least = np.min(np.mean(trace.stack("slip")[first:], axis=0)) if f"slip_{trace.wheels[0]}" in trace else math.nan
     slips = f": all wheels above S = {math.floor(100 * least) / 100:g}" if least > 0.0 else ""
     return DriveOutcome("stuck", float(paths.t[first]), f"stuck {_place(trace)} {_since(paths, first)}{slips}")
-
-
-def _driving(trace: Trace, paths: WheelPaths) -> DriveOutcome:
-    """Return the outcome of a drive without any other outcome: "driving" or "creeping" if the rover moves on or turns
-    on the spot, "slid back" if it slowly moves against its duty.
-    """
-    # The rover creeps if it travelled, at the end of the drive, less than half as far as its rims turned.
-    ratio = _travel_ratio(paths)
-    last = float(ratio[-1]) if ratio.size else 1.0
-    kind, verb = ("driving", "drives on") if last >= 0.5 else ("creeping", "creeps on")
-    place = f"{_place(trace)}{_turn_text(trace)}"
-    # The rover turns on the spot if, over the last twentieth, the body's path is short compared with the wheels'.
-    begin = -1 - max(1, len(paths.t) // 20)
-    path = float(np.sum(np.hypot(*(np.diff(trace[name][begin:]) for name in ("body_x", "body_y")))))
-    on_the_spot = path <= ON_THE_SPOT * abs(float(paths.travelled[-1] - paths.travelled[begin]))
-    if on_the_spot and _turn_text(trace):
-        turn = math.degrees(float(trace["body_yaw"][-1] - trace["body_yaw"][begin]))
-        rate = turn / float(paths.t[-1] - paths.t[begin])
-        # Without a yaw rate, the drive is described like a straight one below.
-        if rate:
-            sense, slipping = "left" if rate > 0.0 else "right", "" if kind == "driving" else ", its wheels slip much"
-            text = f"turns {sense} on the spot at {abs(rate):.2g} deg/s{slipping}, {place}"
-            return DriveOutcome(kind, math.nan, text)
-    time, travel, sideways = _late_motion(trace, paths)
-    across = f", sliding aside at {sideways / time:.2g} m/s" if sideways > ON_THE_SPOT * abs(travel) else ""
-    # Slower than `_slid_back` requires, the rover moves against its duty.
-    if travel < 0.0:
-        kind, verb, travel = "slid back", "slides back, against its duty,", -travel
-    return DriveOutcome(kind, math.nan, f"{verb} at {travel / time:.2g} m/s{across}, {place}")
 
 
 def _travel_ratio(paths: WheelPaths) -> np.ndarray:
