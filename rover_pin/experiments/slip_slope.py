@@ -171,34 +171,33 @@ class SlipSlope(FileExperiment):
         f_t of a wheel, the mass m and the gravity g, the predicted slip is the smallest S with sum_i f_t(S, N_i) = m g
         sin(slope). If no S is sufficient, the predicted slip is STUCK.
         """
-        return np.array([self._slips(model) for model in models])
-
-    def _slips(self, model: Parts) -> np.ndarray:
-        """Return the slips that one model predicts on all slopes (folds, 1, samples)."""
         slopes = np.nan_to_num(self.slopes).ravel()
         distinct_slopes, at = np.unique(slopes, return_inverse=True)
         loads = [wheel_loads(self.rover, slope, gravity=self.gravity) for slope in distinct_slopes]
-        # The pull of each wheel at every slope and slip, summed over the wheels.
-        pulls = np.zeros((len(distinct_slopes), len(SLIPS)))
-        for number, mount in enumerate(self.rover.wheels):
-            wheel_model = RigModel(mount.wheel, model.records["soil"], model.effects)
-            load = np.repeat([max(float(slope_loads[number]), 1e-3) for slope_loads in loads], len(SLIPS))
-            runs = conditions(load, np.tile(SLIPS, len(distinct_slopes)))
-            pulls += predictor(wheel_model, (), runs)(wheel_model.vector()).values[0].reshape(pulls.shape)
         # On a steady drive, the pull of all wheels balances the downhill part of the weight.
         required_pull = self.rover.mass * self.gravity * np.sin(distinct_slopes)
-        slips = np.full(len(distinct_slopes), STUCK)
-        for number, (pull, want) in enumerate(zip(pulls, required_pull, strict=True)):
-            # A slip at which the wheel model has no solution (NaN) cannot carry the rover.
-            enough = np.flatnonzero(np.nan_to_num(pull, nan=-np.inf) >= want)
-            if enough.size and enough[0] == 0:
-                slips[number] = SLIPS[0]
-            elif enough.size:
-                # The pull reaches the required value between two neighbouring slips.
-                low, high = int(enough[0]) - 1, int(enough[0])
-                share = (want - pull[low]) / (pull[high] - pull[low])
-                slips[number] = SLIPS[low] + share * (SLIPS[high] - SLIPS[low])
-        return slips[at].reshape(len(self.folds), 1, -1)
+        predicted = []
+        for model in models:
+            # The pull of each wheel at every slope and slip, summed over the wheels.
+            pulls = np.zeros((len(distinct_slopes), len(SLIPS)))
+            for number, mount in enumerate(self.rover.wheels):
+                wheel_model = RigModel(mount.wheel, model.records["soil"], model.effects)
+                load = np.repeat([max(float(slope_loads[number]), 1e-3) for slope_loads in loads], len(SLIPS))
+                runs = conditions(load, np.tile(SLIPS, len(distinct_slopes)))
+                pulls += predictor(wheel_model, (), runs)(wheel_model.vector()).values[0].reshape(pulls.shape)
+            slips = np.full(len(distinct_slopes), STUCK)
+            for number, (pull, want) in enumerate(zip(pulls, required_pull, strict=True)):
+                # A slip at which the wheel model has no solution (NaN) cannot carry the rover.
+                enough = np.flatnonzero(np.nan_to_num(pull, nan=-np.inf) >= want)
+                if enough.size and enough[0] == 0:
+                    slips[number] = SLIPS[0]
+                elif enough.size:
+                    # The pull reaches the required value between two neighbouring slips.
+                    low, high = int(enough[0]) - 1, int(enough[0])
+                    share = (want - pull[low]) / (pull[high] - pull[low])
+                    slips[number] = SLIPS[low] + share * (SLIPS[high] - SLIPS[low])
+            predicted.append(slips[at].reshape(len(self.folds), 1, -1))
+        return np.array(predicted)
 
 
 ACTING = (SoilTraction, MotionResistance)

@@ -214,21 +214,33 @@ def acts(scene: Scene) -> tuple[Act, ...]:
     not proposed: torques if the wheels follow their measured rates, and changes of duties if no current is logged.
     """
     # A duty also changes the current directly. Without a logged current, it cannot be distinguished from a torque.
+    model, runs = scene.fit.model, scene.experiment.runs
     possible_acts: list[Act] = []
-    if not scene.experiment.rate_driven:
-        wheels = range(len(scene.wheels))
-        torques, duties = zip(*(_torque_and_duty(scene, wheel) for wheel in wheels), strict=True)
-        possible_acts += _of_wheels(scene, TORQUE, "N m", torques)
+    torques: list[Part] = []
+    duties: list[Part] = []
+    for wheel, name in enumerate(() if scene.experiment.rate_driven else scene.wheels):
+        # The changes of the channels by a torque of 1 N m on the wheel, and by a duty of 1.
+        stall, channel = float(model.motor.stall_torque), f"current_{name}_A"
+        added = np.eye(len(scene.wheels))[wheel] * TORQUE_SHARE * stall
+        perturbations = [Perturbation(torque=np.tile(added, (len(run.commands.t), 1))) for run in runs]
+        changes = _difference(scene, scene.experiment.replays(model, perturbations), TORQUE_SHARE)
+        duties.append(Part((name,), None, _rows(scene, changes)))
+        # A torque on the wheel changes the current only through the wheel's rate. A duty raises the current directly as
+        # well, by stall torque / torque constant, so this direct part is subtracted for the torque.
+        for change in changes:
+            change[channel] = change[channel] - stall / float(model.motor.constant)
+        torques.append(Part((name,), None, tuple(row / stall for row in _rows(scene, changes))))
+    if torques:
+        possible_acts += _of_wheels(scene, TORQUE, "N m", tuple(torques))
     if possible_acts and any(name.startswith("current_") for name in scene.experiment.channels):
-        possible_acts += _of_wheels(scene, VOLTAGE, "", duties)
+        possible_acts += _of_wheels(scene, VOLTAGE, "", tuple(duties))
     # A force of 1 N against the motion, and a force of 1 N along the x axis of the world. Both follow from one
     # perturbation along the heading, because the response is linear.
-    model = scene.fit.model
     size = FORCE_SHARE * model.built.mass * abs(model.gravity)
-    perturbations = [Perturbation(force=np.full(len(run.commands.t), size)) for run in scene.experiment.runs]
+    perturbations = [Perturbation(force=np.full(len(run.commands.t), size)) for run in runs]
     along = _rows(scene, _difference(scene, scene.experiment.replays(model, perturbations), size))
     against = tuple(-scene.sense(run) * rows for run, rows in enumerate(along))
-    leaning = tuple(np.cos(scene.experiment.runs[run].heading) * rows for run, rows in enumerate(along))
+    leaning = tuple(np.cos(runs[run].heading) * rows for run, rows in enumerate(along))
     for kind, of_runs in ((FORCE, against), (LEAN, leaning)):
         possible_acts.append(Act(kind, "", "N", (Part(scene.wheels, None, of_runs),)))
     # Grip: one part for each axle, because the axles pass a place one after another.
@@ -292,24 +304,6 @@ def _rows(scene: Scene, changes: Sequence[Mapping[str, np.ndarray]]) -> tuple[np
             )
         )
     return tuple(tables)
-
-
-def _torque_and_duty(scene: Scene, wheel: int) -> tuple[Part, Part]:
-    """Return how the channels change by a torque of 1 N m on a wheel, and how they change by a duty of 1, as two parts.
-
-    A duty also changes the current of the motor directly.
-    """
-    model, name = scene.fit.model, scene.wheels[wheel]
-    stall, channel = float(model.motor.stall_torque), f"current_{name}_A"
-    added = np.eye(len(scene.wheels))[wheel] * TORQUE_SHARE * stall
-    perturbations = [Perturbation(torque=np.tile(added, (len(run.commands.t), 1))) for run in scene.experiment.runs]
-    changes = _difference(scene, scene.experiment.replays(model, perturbations), TORQUE_SHARE)
-    duty = Part((name,), None, _rows(scene, changes))
-    # A torque on the wheel changes the current only through the wheel's rate. A duty raises the current directly as
-    # well, by stall torque / torque constant, so this direct part is subtracted for the torque.
-    for run in changes:
-        run[channel] = run[channel] - stall / float(model.motor.constant)
-    return Part((name,), None, tuple(row / stall for row in _rows(scene, changes))), duty
 
 
 def moved_features(scene: Scene, act: Act, run: int, shares: np.ndarray) -> np.ndarray:

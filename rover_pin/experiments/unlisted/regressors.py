@@ -132,7 +132,12 @@ def arguments(scene: Scene, act: Act) -> tuple[Argument, ...]:
     common = [
         constant,
         constant._replace(name="run", per_run=True),
-        Argument("heading", "", _heading, Polynomial(0.0, 1.0, 1)),
+        Argument(
+            "heading",
+            "",
+            lambda scene, run, part: np.asarray(np.cos(scene.experiment.runs[run].heading)),
+            Polynomial(0.0, 1.0, 1),
+        ),
         *_smooth(scene, act, tuple(SMOOTH)),
     ]
     # A local change of the terrain is a piecewise linear function of the place.
@@ -143,11 +148,6 @@ def arguments(scene: Scene, act: Act) -> tuple[Argument, ...]:
     # The angle of one wheel says nothing about the other wheels, so all wheels together get waves of the place instead.
     is_of_one_wheel = act.kind in (TORQUE, VOLTAGE) and len(act.parts) == 1
     return (*common, *(ANGLES if is_of_one_wheel else WAVES))
-
-
-def _heading(scene: Scene, run: int, part: Part) -> np.ndarray:
-    """Return the cosine of the rover's heading in each row of a run (rows,), the signal of the argument "heading"."""
-    return np.asarray(np.cos(scene.experiment.runs[run].heading))
 
 
 def _time(scene: Scene, run: int, part: Part) -> np.ndarray:

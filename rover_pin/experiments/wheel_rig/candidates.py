@@ -114,23 +114,19 @@ def needs_speeds(data: RigSet, model: RigModel, effect: Effect) -> bool:
     """Return whether the change of the channels by an effect depends on the speed of the wheel, at constant slip."""
     # The slip stays the same, because both speeds are multiplied by four.
     fast = 4 * NOMINAL * np.column_stack(rim_and_travel(data.slip)[::-1])
-    slow_moved, fast_moved = (_effect_response(data, model, effect, speeds) for speeds in (None, fast))
-    return bool(np.linalg.norm(fast_moved - slow_moved) > SPEED_TOLERANCE * np.linalg.norm(slow_moved))
-
-
-def _effect_response(data: RigSet, model: RigModel, effect: Effect, speeds: np.ndarray | None) -> np.ndarray:
-    """Return the change of the channels by an effect with default numbers (channels, runs), in SDs of the noise.
-
-    The change is 0 in a run whose load cannot be carried by any sinkage.
-    """
-    # Dividing by the noise makes changes of different channels comparable.
-    runs = conditions(data.load, data.slip, speeds, data.slip_angle)
     rows = [RIG_CHANNELS.index(type(channel)) for channel in data.channels]
     sd = np.array([channel.sd for channel in data.channels])
-    with_it, without = (
-        predictor(variant, (), runs)(variant.vector()).values[rows] for variant in (model.having(effect), model)
-    )
-    return np.nan_to_num((with_it - without) / sd)
+    changes = []
+    for speeds in (None, fast):
+        # Change of the channels by the effect with default numbers (channels, runs), in SDs of the noise, which makes
+        # changes of different channels comparable. It is 0 in a run whose load cannot be carried by any sinkage.
+        runs = conditions(data.load, data.slip, speeds, data.slip_angle)
+        with_it, without = (
+            predictor(variant, (), runs)(variant.vector()).values[rows] for variant in (model.having(effect), model)
+        )
+        changes.append(np.nan_to_num((with_it - without) / sd))
+    slow, faster = changes
+    return bool(np.linalg.norm(faster - slow) > SPEED_TOLERANCE * np.linalg.norm(slow))
 
 
 def present_amplitudes(effects: Sequence[Effect], known_parameters: Sequence[Parameter] = ()) -> tuple[Parameter, ...]:

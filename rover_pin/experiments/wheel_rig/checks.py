@@ -96,21 +96,17 @@ def findings(experiment: RigExperiment) -> list[Finding]:
     # Only checks that are beyond their limit become findings.
     rows = list(experiment.twice)
     for data in experiment.sets:
-        checks = [
-            *_missing_information(data),
-            *(check for channel in data.channels for check in _channel_checks(data, channel)),
-        ]
         findings_of_set = [
             *data.unread,
             *suspicions(data),
-            *(Finding(check.what, data.place(check.column), check.todo) for check in checks if check.is_beyond),
+            *(Finding(check.what, data.place(check.column), check.todo) for check in _checks(data) if check.is_beyond),
         ]
         rows += [row._replace(where=experiment.in_set(data.name, ", ", row.where)) for row in findings_of_set]
     return rows
 
 
-def _missing_information(data: RigSet) -> Iterator[Check]:
-    """Yield checks for missing measurements without which some numbers or effects cannot be determined."""
+def _checks(data: RigSet) -> Iterator[Check]:
+    """Yield checks for missing measurements, and for gaps, scatter and outliers of each channel."""
     # If the declared soil cannot carry a load, the declaration is wrong: a fit starts from a firmer soil then.
     alone = RigExperiment((data,))
     lost = alone.unpredicted_part(alone.base_model())
@@ -129,27 +125,23 @@ def _missing_information(data: RigSet) -> Iterator[Check]:
     yield Check(bool(np.bincount(repeats(data)).max() < 2), "no level is repeated", todo, "level")
     todo = "effects of the speed are left out; give rim or travel speed, as a column or in [speed]"
     yield Check(data.speeds is None, "no speeds", todo, "rim_speed_mps")
-
-
-def _channel_checks(data: RigSet, channel: RigChannel) -> Iterator[Check]:
-    """Yield checks of one channel: gaps, repeated runs that scatter more than the stated noise, and outliers among
-    them.
-    """
-    # A stated noise below the scatter of repeats would make scatter look like an effect.
-    empty, scatter, group = int((~channel.has_value).sum()), repeat_sd(data, channel), repeats(data)
-    what = f"{empty} of {channel.has_value.size} runs have no {channel.name}"
-    yield Check(empty > 0, what, "their other channels are used", channel.column)
-    what = f"the SD of repeats is {scatter:.1f} times the stated noise"
-    yield Check(scatter > MAX_NOISE_RATIO, what, "state the larger noise", channel.column)
-    # Fewer than three repeats do not show which of them is the outlier.
-    for number in range(group.max() + 1):
-        members = np.flatnonzero((group == number) & channel.has_value)
-        if members.size >= 3:
-            values = channel.measured[members]
-            off = np.abs(values - np.median(values)) / channel.sd[members]
-            what = f"{data.runs[members[off.argmax()]]} lies {off.max():.0f} SD from its repeats"
-            todo = "look at this run; it has less weight in the fits"
-            yield Check(off.max() > HUBER_THRESHOLD, what, todo, channel.column)
+    # Each channel may have gaps, repeated runs that scatter more than the stated noise, and outliers among these runs.
+    for channel in data.channels:
+        # A stated noise below the scatter of repeats would make scatter look like an effect.
+        empty, scatter, group = int((~channel.has_value).sum()), repeat_sd(data, channel), repeats(data)
+        what = f"{empty} of {channel.has_value.size} runs have no {channel.name}"
+        yield Check(empty > 0, what, "their other channels are used", channel.column)
+        what = f"the SD of repeats is {scatter:.1f} times the stated noise"
+        yield Check(scatter > MAX_NOISE_RATIO, what, "state the larger noise", channel.column)
+        # Fewer than three repeats do not show which of them is the outlier.
+        for number in range(group.max() + 1):
+            members = np.flatnonzero((group == number) & channel.has_value)
+            if members.size >= 3:
+                values = channel.measured[members]
+                off = np.abs(values - np.median(values)) / channel.sd[members]
+                what = f"{data.runs[members[off.argmax()]]} lies {off.max():.0f} SD from its repeats"
+                todo = "look at this run; it has less weight in the fits"
+                yield Check(off.max() > HUBER_THRESHOLD, what, todo, channel.column)
 
 
 def repeats(data: RigSet) -> np.ndarray:

@@ -127,48 +127,49 @@ def channel_residuals(data: RigSet, residual: np.ndarray) -> tuple[RigChannelRes
     residual : array (channels, runs)
         Measured minus predicted, in SDs of the stated noise.
     """
-    return tuple(_describe(data, channel, row) for channel, row in zip(data.channels, residual, strict=True))
-
-
-def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> RigChannelResidual:
-    """Return a description of one channel's residual. `residual` (runs,) is given in SDs of the stated noise."""
-    is_measured, all_loads = channel.has_value, data.load
-    slip, load, sd, residual = (
-        slip_of_travel(data)[is_measured],
-        all_loads[is_measured],
-        channel.sd[is_measured],
-        residual[is_measured],
-    )
-    # The polynomial is fitted to the residual in SDs, so its columns are weighted by 1 / sd. A side force changes its
-    # sign with the slip angle, so its polynomial is multiplied by sin beta.
-    missing = residual * sd
-    varies = data.loads_vary
-    share = load / all_loads.mean() - 1
-    angle = data.slip_angle[is_measured]
-    weight = (np.sin(angle) if channel.is_sideways else 1.0) / sd
-    powers, of_load = _fit_polynomial(slip, share, residual, weight, varies)
-    smooth = np.polynomial.polynomial.polyval(slip, powers) + np.polynomial.polynomial.polyval(share, (0.0, *of_load))
-    total = float(residual @ residual)
-    unexplained = residual - smooth * weight
-    # The decrease of chi2 must exceed the decrease that chance gives the best of all polynomials with as many columns.
-    # Scatter beyond the stated noise counts as noise.
-    after, columns = float(unexplained @ unexplained), len(powers) + len(of_load)
-    scatter = max(1.0, after / max(residual.size - columns, 1))
-    is_curved = total - after > scatter * (null_gain(POLYNOMIALS) + null_gain(1) * (columns - 1))
-    return RigChannelResidual(
-        channel.name,
-        channel.unit,
-        float(np.sqrt(np.mean(residual**2))),
-        correlation(data.slip[is_measured], missing),
-        correlation(load, missing) if varies else float("nan"),
-        tuple(_level(data, channel, missing, number) for number in np.unique(data.level[is_measured]).tolist()),
-        powers,
-        of_load,
-        1 - after / max(total, 1e-300),
-        is_curved,
-        "S'" if data.askew.any() else "S",
-        " sin beta" * channel.is_sideways,
-    )
+    rows = []
+    for channel, in_sds in zip(data.channels, residual, strict=True):
+        is_measured, all_loads = channel.has_value, data.load
+        slip, load, sd, in_sds = (
+            slip_of_travel(data)[is_measured],
+            all_loads[is_measured],
+            channel.sd[is_measured],
+            in_sds[is_measured],
+        )
+        # The polynomial is fitted to the residual in SDs, so its columns are weighted by 1 / sd. A side force changes
+        # its sign with the slip angle, so its polynomial is multiplied by sin beta.
+        missing = in_sds * sd
+        varies = data.loads_vary
+        share = load / all_loads.mean() - 1
+        angle = data.slip_angle[is_measured]
+        weight = (np.sin(angle) if channel.is_sideways else 1.0) / sd
+        powers, of_load = _fit_polynomial(slip, share, in_sds, weight, varies)
+        smooth = np.polynomial.polynomial.polyval(slip, powers)
+        smooth = smooth + np.polynomial.polynomial.polyval(share, (0.0, *of_load))
+        total = float(in_sds @ in_sds)
+        unexplained = in_sds - smooth * weight
+        # The decrease of chi2 must exceed the decrease that chance gives the best of all polynomials with as many
+        # columns. Scatter beyond the stated noise counts as noise.
+        after, columns = float(unexplained @ unexplained), len(powers) + len(of_load)
+        scatter = max(1.0, after / max(in_sds.size - columns, 1))
+        is_curved = total - after > scatter * (null_gain(POLYNOMIALS) + null_gain(1) * (columns - 1))
+        rows.append(
+            RigChannelResidual(
+                channel.name,
+                channel.unit,
+                float(np.sqrt(np.mean(in_sds**2))),
+                correlation(data.slip[is_measured], missing),
+                correlation(load, missing) if varies else float("nan"),
+                tuple(_level(data, channel, missing, number) for number in np.unique(data.level[is_measured]).tolist()),
+                powers,
+                of_load,
+                1 - after / max(total, 1e-300),
+                is_curved,
+                "S'" if data.askew.any() else "S",
+                " sin beta" * channel.is_sideways,
+            )
+        )
+    return tuple(rows)
 
 
 def _fit_polynomial(

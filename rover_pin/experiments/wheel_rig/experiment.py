@@ -274,7 +274,18 @@ class RigExperiment(Differentiable):
                         break
             # Only the numbers that this set's model has can change its channels; all other slopes are 0.
             acting = [i for i, local in enumerate(names) if local and local.rpartition(".")[0] in set_model.records]
-            acting_parameters = [_scale_parameter(replace(parameters[i], name=names[i]), share) for i in acting]
+            acting_parameters = []
+            for number in (replace(parameters[i], name=names[i]) for i in acting):
+                # `share` is the lug height of this data set divided by the largest lug height of all data sets.
+                if share != 1.0 and number.name.rpartition(".")[2] in LUGS:
+                    number = replace(
+                        number,
+                        origin=number.origin * share,
+                        scale=number.scale if number.log else number.scale * share,
+                        low=number.low * share,
+                        high=number.high * share,
+                    )
+                acting_parameters.append(number)
             of_set = runs.sensitivities(set_model, acting_parameters, np.asarray(u)[acting])
             table = np.zeros((len(parameters), *of_set.predicted.shape))
             table[acting] = of_set.slopes
@@ -297,20 +308,6 @@ class RigExperiment(Differentiable):
         """
         reasons = ((name, runs.unpredicted_part(model.of(name))) for name, runs in self.runs.items())
         return next((self.in_set(name, ": ", why) for name, why in reasons if why), "")
-
-
-def _scale_parameter(parameter: Parameter, share: float) -> Parameter:
-    """Return a parameter as the model of one data set needs it: if it is a lug height, it is multiplied by `share`.
-
-    `share` is the lug height of this data set divided by the largest lug height of all data sets. All other parameters
-    stay unchanged.
-    """
-    if share == 1.0 or parameter.name.rpartition(".")[2] not in LUGS:
-        return parameter
-    scale = parameter.scale if parameter.log else parameter.scale * share
-    return replace(
-        parameter, origin=parameter.origin * share, scale=scale, low=parameter.low * share, high=parameter.high * share
-    )
 
 
 def join_sets(sets: Sequence[RigSet]) -> RigExperiment:

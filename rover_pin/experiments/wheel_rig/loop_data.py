@@ -192,14 +192,8 @@ class RigData(LoopData):
                 verdict, extra=JointExtra(errors, declared), cautions=(*against, *verdict.cautions, *losses)
             )
         progress("errors of curves through the points, for comparison")
-        return self._extra_of_one_set(verdict, declared, seed)
-
-    def _extra_of_one_set(self, verdict: Verdict, declared: tuple[str, ...], seed: int) -> Verdict:
-        """Return the verdict on one data set extended by diagnostics, cautions, likelihood profiles, and errors of
-        simple curves.
-        """
+        # For one data set: diagnostics, cautions, likelihood profiles, and the errors of simple curves.
         (data,) = self.experiment.sets
-        assert verdict.before is not None
         assert verdict.after is not None
         before, after = (
             diagnose(data, side.model, side.numbers, self.experiment.in_sds(side.fit.residual), seed)

@@ -270,23 +270,13 @@ class RigPredictor:
     def __call__(self, vector: np.ndarray) -> RigPrediction:
         """Return the predicted channels for the given values of all parameters, in the order of `RigModel.names`."""
         p = ca.DM(vector)
-        # Repeated runs were computed once and are spread here.
-        out = self._law.point(self._balance_runs(p), self._runs, p).full()[:, self._repeats]
-        error, lost = out[VALUES].copy(), ~(np.abs(out[VALUES]) < LOAD_TOLERANCE)
-        out[:, lost] = np.nan
-        jacobian = out[VALUES + 1 :].reshape(self._free, VALUES, self._repeats.size).transpose(1, 2, 0)
-        return RigPrediction(out[:VALUES], jacobian, error)
-
-    def _balance_runs(self, p: ca.DM) -> np.ndarray:
-        """Solve for the unknowns at which each wheel carries its load (unknowns, runs), by a bracketed Newton method.
-
-        The first unknown of a run is ln y, where y is the sinkage below the soil surface that the effects leave. The
-        other unknowns are states of effects. For each run, ln y lies in a bracket between a sinkage that is too small
-        and a sinkage that is too large. If a Newton step leaves the bracket, the middle of the bracket is taken
-        instead. A sinkage also counts as too small if the soil pulls the wheel down, as cohesion may do under a braked
-        wheel, because the logarithm of the normal force is then undefined.
-        """
-        # The initial guess is the sinkage of a power law. The bracket extends from a nearly flat contact to the axle.
+        # Solve for the unknowns z (unknowns, runs) at which each wheel carries its load, by a bracketed Newton method.
+        # The first unknown of a run is ln y, where y is the sinkage below the soil surface that the effects leave. The
+        # other unknowns are states of effects. For each run, ln y lies in a bracket between a sinkage that is too small
+        # and a sinkage that is too large. If a Newton step leaves the bracket, the middle of the bracket is taken
+        # instead. A sinkage also counts as too small if the soil pulls the wheel down, as cohesion may do under a
+        # braked wheel, because the logarithm of the normal force is then undefined. The initial guess is the sinkage of
+        # a power law. The bracket extends from a nearly flat contact to the axle.
         z, r = self._law.first(self._runs, p).full(), float(p[FIELDS.index("r")])
         low, high = np.full((2, z.shape[1]), np.log([[2 * SHALLOW * r], [r]]))
         for step in range(MAX_STEPS):
@@ -300,7 +290,12 @@ class RigPredictor:
             z = np.where(is_accepted, after, np.vstack([(low + high) / 2, z[1:]]))
             if not np.abs(z - before).max() > STEP_TOLERANCE:
                 break
-        return np.asarray(z)
+        # Repeated runs were computed once and are spread here.
+        out = self._law.point(z, self._runs, p).full()[:, self._repeats]
+        error, lost = out[VALUES].copy(), ~(np.abs(out[VALUES]) < LOAD_TOLERANCE)
+        out[:, lost] = np.nan
+        jacobian = out[VALUES + 1 :].reshape(self._free, VALUES, self._repeats.size).transpose(1, 2, 0)
+        return RigPrediction(out[:VALUES], jacobian, error)
 
 
 def predictor(model: RigModel, free: Sequence[str], runs: np.ndarray) -> RigPredictor:
