@@ -82,26 +82,20 @@ def _cells(terrain: Terrain, box: Extent) -> tuple[np.ndarray, np.ndarray]:
     """Return a terrain as Q quadrilaterals (Q, 4, 3) [m] between the points of a grid, and the soil index in the middle
     of each quadrilateral (Q,).
     """
-    x, y = (_ticks(terrain, low, high, axis) for axis, (low, high) in enumerate((box[:2], box[2:])))
-    X, Y = np.meshgrid(x, y, indexing="ij")
+    # The grid has at most about MAX_POINTS points along each axis. For a height grid they are its own points, for other
+    # terrain they are evenly spaced.
+    axes = [np.linspace(low, high, MAX_POINTS) for low, high in (box[:2], box[2:])]
+    if isinstance(terrain, HeightGrid):
+        for axis, (start, spacing) in enumerate(((terrain.x0, terrain.dx), (terrain.y0, terrain.dy))):
+            low, high = axes[axis][[0, -1]]
+            ticks = start + spacing * np.arange(terrain.z.shape[axis])
+            ticks = ticks[(ticks > low) & (ticks < high)]
+            axes[axis] = np.concatenate([[low], ticks[:: max(1, ticks.size // MAX_POINTS)], [high]])
+    X, Y = np.meshgrid(*axes, indexing="ij")
     points = np.stack([X, Y, terrain.height(X, Y)], axis=-1)
     quads = np.stack([points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]], axis=2)
     middle = 0.25 * quads.sum(axis=2)
     return quads.reshape(-1, 4, 3), np.asarray(terrain.ground_at(middle[..., 0], middle[..., 1])).ravel()
-
-
-def _ticks(terrain: Terrain, low: float, high: float, axis: int) -> np.ndarray:
-    """Return the coordinates [m] at which the terrain is drawn along an axis (0: x, 1: y), from `low` to `high`.
-
-    They are about MAX_POINTS coordinates at most. For a height grid they are coordinates of its points, for other
-    terrain they are evenly spaced.
-    """
-    if not isinstance(terrain, HeightGrid):
-        return np.linspace(low, high, MAX_POINTS)
-    start, spacing = ((terrain.x0, terrain.dx), (terrain.y0, terrain.dy))[axis]
-    ticks = start + spacing * np.arange(terrain.z.shape[axis])
-    ticks = ticks[(ticks > low) & (ticks < high)]
-    return np.concatenate([[low], ticks[:: max(1, ticks.size // MAX_POINTS)], [high]])
 
 
 def ruled_lines(terrain: Terrain, box: Extent) -> np.ndarray:

@@ -71,8 +71,18 @@ def shapes_of(rover: Rover, folder: Path | None = None) -> list[Shape]:
                 link_shapes.append(Shape(link.name, np.asarray(mesh.vertices), np.asarray(mesh.faces), colour))
         if link.name in rims:
             link_shapes = list(_wheel(link.name, rims[link.name], link_shapes, rover))
-        # A link without shapes is drawn as rods between its joints, so that the suspension is visible.
-        shapes += link_shapes or list(_rods(rover, link.name))
+        if not link_shapes:
+            # A link without shapes is drawn as rods to the joints that it carries. Joint 0 is the world, and joint 1
+            # the free flyer of the body.
+            frame = rover.model.frames[rover.model.getFrameId(link.name, pin.FrameType.BODY)]
+            for joint in (at for at in range(2, rover.model.njoints) if rover.model.parents[at] == frame.parentJoint):
+                end = np.array(frame.placement.actInv(rover.model.jointPlacements[joint]).translation)
+                length = float(np.linalg.norm(end))
+                if length > 1e-6:
+                    segment = np.array([np.zeros(3), end])
+                    rod = trimesh.creation.cylinder(radius=min(ROD, length / 10.0), segment=segment)
+                    link_shapes.append(Shape(link.name, np.asarray(rod.vertices), np.asarray(rod.faces), PLAIN))
+        shapes += link_shapes
     return shapes
 
 
@@ -145,15 +155,3 @@ def _wheel(link: str, mount: WheelMount, link_shapes: list[Shape], rover: Rover)
     bar = trimesh.creation.box(extents=(1.8 * r, 0.16 * r, 1.04 * b))
     bar.apply_transform(to_axle)
     yield Shape(link, np.asarray(bar.vertices), np.asarray(bar.faces), (0.12, 0.12, 0.13))
-
-
-def _rods(rover: Rover, link: str) -> Iterator[Shape]:
-    """Yield the shapes of rods from a link without shapes to the joints that it carries."""
-    model = rover.model
-    frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
-    for joint in range(2, model.njoints):  # 0 is the world and 1 the free flyer of the body
-        end = np.array(frame.placement.actInv(model.jointPlacements[joint]).translation)
-        length = float(np.linalg.norm(end))
-        if model.parents[joint] == frame.parentJoint and length > 1e-6:
-            rod = trimesh.creation.cylinder(radius=min(ROD, length / 10.0), segment=np.array([np.zeros(3), end]))
-            yield Shape(link, np.asarray(rod.vertices), np.asarray(rod.faces), PLAIN)
