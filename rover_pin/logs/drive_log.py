@@ -235,8 +235,30 @@ def read_drive_log(folder: str | Path, trust: Trust = Trust()) -> DriveLog:
     entries = table.get("run")
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
         raise DataError(f"{file}: the drive log lists no run: add a table [[run]] with file = '...' for each run.")
-    # Declarations are checked before any run is read, because reading many runs takes long.
-    metadata = _checked_metadata(file, {key: value for key, value in table.items() if key not in ("kind", "run")})
+    # Declarations are checked before any run is read, because reading many runs takes long. Types are checked before
+    # values, so that each message names the key as the user wrote it.
+    declared = {key: value for key, value in table.items() if key not in ("kind", "run")}
+    keys = [field.name for field in dataclasses.fields(LogMetadata)]
+    for key, value in declared.items():
+        if key not in keys:
+            raise DataError(f"{file}: there is no key '{key}' in a drive log: {closest(key, keys)}")
+        kind, word = (dict, "a table") if key in TABLES else (str, "text")
+        if key in (*TABLES, *TEXTS) and not isinstance(value, kind):
+            raise DataError(f"{file}: {key} = {value!r} must be {word}.")
+    for key, words in WORDS.items():
+        if declared.get(key, "") not in words:
+            raise DataError(f"{file}: {key} = {declared[key]!r}: write {' or '.join(map(repr, words[1:]))}.")
+    read_declared_noise(declared.get("noise", {}), str(file))
+    if not declared.get("name"):
+        raise DataError(f"{file}: the drive log has no name: add the line name = '...'.")
+    # Without the key, the rover has the six wheels of the paper's rover.
+    wheels = declared.get("wheels", list(WHEELS))
+    if not isinstance(wheels, list) or not all(isinstance(wheel, str) for wheel in wheels):
+        raise DataError(f"{file}: wheels = {wheels!r} must be a list of wheel names, such as ['fl', 'fr'].")
+    gravity = gravity_from(declared.get("gravity", EARTH), str(file))
+    # The name is printed in reports, so control characters are removed from it.
+    named = {**declared, "name": printable(declared["name"])}
+    metadata = LogMetadata(**{**named, "wheels": tuple(wheels), "gravity": gravity})
     # A file that is named twice would count the same measurement twice.
     names = [entry.get("file") for entry in entries]
     for at, name in enumerate(names, 1):
@@ -303,34 +325,6 @@ def _entry(name: str, trace: Trace) -> dict[str, Any]:
     return {"file": f"{name}.csv", **head, **({"units": units} if units else {}), **({"attrs": attrs} if attrs else {})}
 
 
-def _checked_metadata(file: Path, table: dict[str, Any]) -> LogMetadata:
-    """Return the content of drive.toml as a record, after checking its keys, types, allowed words, noise, wheels and
-    gravity.
-    """
-    keys = [entry.name for entry in dataclasses.fields(LogMetadata)]
-    # Types are checked before values, so that each message names the key as the user wrote it.
-    for key, value in table.items():
-        if key not in keys:
-            raise DataError(f"{file}: there is no key '{key}' in a drive log: {closest(key, keys)}")
-        kind, word = (dict, "a table") if key in TABLES else (str, "text")
-        if key in (*TABLES, *TEXTS) and not isinstance(value, kind):
-            raise DataError(f"{file}: {key} = {value!r} must be {word}.")
-    for key, words in WORDS.items():
-        if table.get(key, "") not in words:
-            raise DataError(f"{file}: {key} = {table[key]!r}: write {' or '.join(map(repr, words[1:]))}.")
-    read_declared_noise(table.get("noise", {}), str(file))
-    if not table.get("name"):
-        raise DataError(f"{file}: the drive log has no name: add the line name = '...'.")
-    # Without the key, the rover has the six wheels of the paper's rover.
-    wheels = table.get("wheels", list(WHEELS))
-    if not isinstance(wheels, list) or not all(isinstance(wheel, str) for wheel in wheels):
-        raise DataError(f"{file}: wheels = {wheels!r} must be a list of wheel names, such as ['fl', 'fr'].")
-    gravity = gravity_from(table.get("gravity", EARTH), str(file))
-    # The name is printed in reports, so control characters are removed from it.
-    named = {**table, "name": printable(table["name"])}
-    return LogMetadata(**{**named, "wheels": tuple(wheels), "gravity": gravity})
-
-
 def _run(file: Path, metadata: LogMetadata, at: int, entry: dict[str, Any], trust: Trust) -> Trace:
     """Read the file that an entry [[run]] names, and return its trace with the attributes of the run.
 
@@ -351,7 +345,27 @@ def _run(file: Path, metadata: LogMetadata, at: int, entry: dict[str, Any], trus
         )
     attrs = {"file": name, "rover": metadata.rover, "gravity_mps2": metadata.gravity, "wheels": list(metadata.wheels)}
     # Only declared attributes are set, because readers distinguish undeclared from default values.
-    attrs |= {"start": _start(file, at, entry["start"])} if "start" in entry else {}
+    if "start" in entry:
+        # The start pose is x [m], y [m] and yaw [rad], each 0 if it is not stated.
+        start = entry["start"]
+        if not isinstance(start, dict) or not set(start) <= set(START_KEYS):
+            raise DataError(
+                f"{file}: run {at} has start = {start!r}: give a table with the keys x and y in m and yaw in rad, such "
+                "as { x = 1.0, y = 0.0, yaw = 0.5 }."
+            )
+        try:
+            place = {key: as_float(start.get(key, 0.0)) for key in START_KEYS}
+        except (TypeError, ValueError):
+            raise DataError(
+                f"{file}: run {at} has start = {start!r}: x, y [m] and yaw [rad] must be numbers."
+            ) from None
+        # A yaw beyond a full turn is probably in degrees.
+        if not all(map(math.isfinite, place.values())) or abs(place["yaw"]) > 2.0 * math.pi:
+            raise DataError(
+                f"{file}: run {at} has start = {start!r}: x and y [m] must be finite, and yaw must lie within one turn "
+                "(2 pi): give yaw in rad, not in degrees."
+            )
+        attrs["start"] = place
     attrs |= {key: getattr(metadata, key) for key in ("input", "place") if getattr(metadata, key)}
     attrs |= {"terrain": entry["terrain"]} if "terrain" in entry else {}
     attrs |= {"purpose": str(entry["purpose"])} if "purpose" in entry else {}
@@ -373,26 +387,6 @@ def _table(file: Path, metadata: LogMetadata, run: Path, trust: Trust) -> Column
         trust.within(file.parent, str(part.relative_to(file.parent)), str(file))
     # The paths in a bag have been checked, so it can be read.
     return read_bag(run, metadata.columns, metadata.bag, str(file))
-
-
-def _start(file: Path, at: int, start: Any) -> dict[str, float]:
-    """Return the start pose of a run after checking it: x [m], y [m] and yaw [rad], each 0 if it is not stated."""
-    if not isinstance(start, dict) or not set(start) <= set(START_KEYS):
-        raise DataError(
-            f"{file}: run {at} has start = {start!r}: give a table with the keys x and y in m and yaw in rad, such as "
-            "{ x = 1.0, y = 0.0, yaw = 0.5 }."
-        )
-    try:
-        place = {key: as_float(start.get(key, 0.0)) for key in START_KEYS}
-    except (TypeError, ValueError):
-        raise DataError(f"{file}: run {at} has start = {start!r}: x, y [m] and yaw [rad] must be numbers.") from None
-    # A yaw beyond a full turn is probably in degrees.
-    if not all(map(math.isfinite, place.values())) or abs(place["yaw"]) > 2.0 * math.pi:
-        raise DataError(
-            f"{file}: run {at} has start = {start!r}: x and y [m] must be finite, and yaw must lie within one turn "
-            "(2 pi): give yaw in rad, not in degrees."
-        )
-    return place
 
 
 SAMPLE_PERIOD = "sample_period"
