@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 import typer.main
 
+import rover_pin
 from rover_pin.cli.app import app
 from rover_pin.scenarios.scenes import SCENES
 
@@ -65,6 +66,19 @@ def test_the_paper_page_is_made_of_every_strict_failure(monkeypatch):
     matches = re.findall(r"\bstrict=True, reason=\"|(?<!def )\b(?:differs|contradicts)\(", text)
     assert len(rows) == len(matches) > 15
     assert all(measured for *_, measured in rows)
+
+
+def test_the_python_reference_has_a_page_for_each_room_and_each_public_name_once(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    pages = importlib.import_module("make_pages")._api()
+    documented = re.findall(r"^::: (\S+)$", "\n".join(pages.values()), re.MULTILINE)
+    assert len(documented) == len(set(documented))
+    names = set(rover_pin.__all__) - {"__version__"}
+    assert names <= {path.rpartition(".")[2] for path in documented}
+    for path in documented:
+        room = path.split(".")[1]
+        assert f"::: {path}\n" in pages[f"api/{room}.md"] + "\n"
+        assert f"](api/{room}.md#{path})" in pages["api.md"]
 
 
 KEPT_DRIVES = pd.read_csv(ROOT / "studies" / "results" / "gallery.csv", index_col="command").outcome
