@@ -159,15 +159,20 @@ def draw(traces: dict[str, Trace]) -> Figure:
         # The gross form nearly coincides with the torque form, so it is dashed.
         look = {"color": colour, "ls": "--" if "gross" in label else "-", "lw": 1.6}
         steep, slip = inclination(trace), trace["slip_ml"]
-        time_slip.plot(trace.t, slip, label=label, **look)
-        # Slip against inclination is meaningful on the slope only.
-        steep_slip.plot(steep[steep > 0], slip[steep > 0], **look)
+        climbs = steep > 0
+        time_slip.plot(trace.t, slip, label=label if climbs.any() else f"{label} (stays on the flat)", **look)
+        # Slip against inclination is meaningful on the slope only. For a rover that does not reach the slope, a point
+        # shows the slip on the flat.
+        if climbs.any():
+            steep_slip.plot(steep[climbs], slip[climbs], **look)
+        else:
+            steep_slip.plot(steep[-1:], slip[-1:], "o", color=colour)
         steep_time.plot(trace.t, steep, **look)
         height.plot(trace.t, 1e3 * (trace["body_z"] - trace["body_z"][0]), **look)
     paper(time_slip, steep_slip, steep_time)
     time_slip.set(ylabel="slip of the middle wheel [-]", xlabel="t [s]", ylim=(-0.15, 1.05))
     steep_slip.set(ylabel="slip of the middle wheel [-]", xlabel="inclination under the body [deg]", ylim=(-0.15, 1.05))
-    steep_time.set(ylabel="inclination under the body [deg]", xlabel="t [s]", ylim=(0, 14))
+    steep_time.set(ylabel="inclination under the body [deg]", xlabel="t [s]", ylim=(-0.4, 14))
     height.set(ylabel="elevation gained [mm]", xlabel="t [s]")
     for axes in (time_slip, steep_slip, steep_time, height):
         axes.grid(alpha=0.3)

@@ -20,6 +20,8 @@ TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 SMOOTH, TETHER = "commands.smooth_wheel", "commands.tether"
 CLAIMS = [
     f"sinkage error falls from {{{{ dec({SMOOTH}.before, 1) }}}} mm to {{{{ dec({SMOOTH}.after, 1) }}}} mm",
+    f"probabilities {{{{ dec({SMOOTH}.exponent, 2) }}}} (slip-sinkage, n_1 = {{{{ printed({SMOOTH}, 'n_1', 2) }}}})",
+    f"and {{{{ dec({SMOOTH}.softening, 2) }}}} (softening)",
     "drives on at {{ commands.ditch.speed }} m/s",
     f"f_0 = {{{{ dec({TETHER}.f_0, 1) }}}} N [{{{{ dec({TETHER}.f_0_low, 1) }}}}, {{{{ dec({TETHER}.f_0_high, 1) }}}}]",
     "in {{ took['close-loop demo-drive-log'] }} s of CPU",
@@ -134,6 +136,14 @@ def test_the_conda_recipe_needs_what_the_package_needs():
     assert set(re.findall(r"^    - (.+)$", run, re.MULTILINE)) == needed
     assert f'version: "{__version__}"' in recipe
     assert "rover-pin = " + project["scripts"]["rover-pin"] in recipe
+
+
+def test_the_only_sample_of_a_log_is_simulated_as_it_says():
+    logs = [
+        tomllib.loads(file.read_text(encoding="utf-8")) for file in (ROOT / "studies" / "data").glob("*/drive.toml")
+    ]
+    assert [log["source"].startswith("Simulated") for log in logs] == [True]
+    assert "No drive log of a real rover ships as a sample" in TEXT
 
 
 def test_it_counts_the_scenarios():

@@ -66,6 +66,8 @@ def default_drives(terrains: Terrains) -> tuple[DriveCase, ...]:
     )
 
 
+CONSTANT = "constant duty"
+"""Name of the control with which the tuned control is compared."""
 COVERAGE = 0.90
 """Probability that the interval of a prediction contains the true rover's value."""
 DEFAULT_STUDY = TuningStudy(
@@ -117,7 +119,9 @@ class Prediction(NamedTuple):
 
     def words(self, unit: str = "", digits: int = 2) -> str:
         """Return the prediction as text: the mean, the interval in brackets, and the unit."""
-        return f"{self.mean:.{digits}f} [{self.low:.{digits}f}, {self.high:.{digits}f}]{unit}"
+        # "z" writes a small negative number as 0.00 and not as -0.00.
+        mean, low, high = (f"{value:z.{digits}f}" for value in self)
+        return f"{mean} [{low}, {high}]{unit}"
 
 
 @brief
@@ -137,6 +141,10 @@ class Improvement:
     fraction of drives that get through (`through`), change of the fraction that bury a wheel (`buried`), and saved cost
     (`cost saved`)
     """
+    gain_before_tuning: dict[str, Prediction]
+    """the part of `gain` that slip control brings with the gains before the tuning, compared with the control `now`"""
+    gain_of_tuning: dict[str, Prediction]
+    """the part of `gain` that the tuning brings: the tuned slip control, compared with that before the tuning"""
 
     @property
     def is_certain(self) -> bool:
@@ -150,16 +158,18 @@ class Improvement:
 
     @property
     def sentence(self) -> str:
-        """A sentence that states the predicted benefit of the tuned control. If there is no benefit, the sentence
-        advises to keep the present control.
+        """The predicted benefit of the tuned control in words, with the part that slip control brings before the
+        tuning, and the part that the tuning brings. If there is no benefit, the advice is to keep the present control.
         """
         # The sentence states changes, so that a saved cost becomes a negative change.
         saved, through, buried = (self.gain[name] for name in ("cost saved", "through", "buried"))
+        untuned, of_tuning = (part["cost saved"].opposite for part in (self.gain_before_tuning, self.gain_of_tuning))
         drives = len(self.tuning.study.held_out_runs)
         change = (
             f"compared with {self.now}, the cost of a drive changes by {saved.opposite.words()}, the fraction of "
             f"drives that get through by {100 * through.mean:+.0f} %, and the fraction that bury a wheel by "
-            f"{100 * buried.mean:+.0f} %, on {drives} held-out drives"
+            f"{100 * buried.mean:+.0f} %, on {drives} held-out drives. Slip control before the tuning brings "
+            f"{untuned.words()} of this change of cost, and the tuning brings {of_tuning.words()}"
         )
         # A mean gain that is too small to matter gives the advice to keep the present control, whatever the interval
         # is.
@@ -175,7 +185,9 @@ class Improvement:
             "gain": self.sentence,
             "gain is certain": self.is_certain,
             "advice": "the tuned control" if self.is_worth_it else self.now,
-            **{name: predicted.words() for name, predicted in (self.bounds | self.gain).items()},
+            **_in_words(self.bounds | self.gain),
+            "gain of slip control before tuning": _in_words(self.gain_before_tuning),
+            "gain of the tuning": _in_words(self.gain_of_tuning),
             "control": self.tuning.study.estimate,
             **{
                 name: {key: float(value) for key, value in record.values().items()}
@@ -185,6 +197,11 @@ class Improvement:
             "where": [line for line in self.tuning.by_ground() if line.startswith("held out")],
             "files": [str(file) for file in self.tuning.files],
         }
+
+
+def _in_words(predictions: Mapping[str, Prediction]) -> dict[str, str]:
+    """Return predictions as texts, by their names."""
+    return {name: predicted.words() for name, predicted in predictions.items()}
 
 
 def improve(
@@ -259,11 +276,18 @@ def improve(
     tuning_study = (study or DEFAULT_STUDY).on_model(*models).trusting(allowed)
     tuning = tune_gains(tuning_study, out / "control", stages, workers or None)
     # The benefit is predicted from the held-out drives, which the search has not seen.
-    improvement = Improvement(
-        tuning, predicted_bounds(models, {"trust": allowed}), "constant duty", predicted_gain(tuning)
-    )
+    improvement = improvement_of(tuning, predicted_bounds(models, {"trust": allowed}))
     replace_file(out / "improve.json", json.dumps(improvement.summary(), indent=1) + "\n")
     return improvement
+
+
+def improvement_of(tuning: TuningResult, bounds: dict[str, Prediction]) -> Improvement:
+    """Return the benefit of a tuning over constant duty, and its two parts: that of slip control before the tuning, and
+    that of the tuning. The means of the two parts add up to the mean of the benefit. `bounds` are those of the result.
+    """
+    before, tuned = (f"{when}, {tuning.study.estimate}" for when in ("before", "tuned"))
+    pairs = ((CONSTANT, tuned), (CONSTANT, before), (before, tuned))
+    return Improvement(tuning, bounds, CONSTANT, *(predicted_gain(tuning, *pair) for pair in pairs))
 
 
 def predicted_bounds(
@@ -290,22 +314,21 @@ def predicted_bounds(
     }
 
 
-def predicted_gain(tuning: TuningResult) -> dict[str, Prediction]:
-    """Return the predicted benefit of the tuned control over constant duty, from the held-out drives of a tuning.
+def predicted_gain(tuning: TuningResult, old: str, new: str) -> dict[str, Prediction]:
+    """Return the predicted benefit of the control `new` over the control `old`, from the held-out drives of a tuning.
 
-    The dict has three predictions: the change of the fraction of drives that get through (`through`), the change of the
-    fraction that bury a wheel (`buried`), and the saved cost (`cost saved`).
+    The controls are names in `tuning.drives`. The dict has three predictions: the change of the fraction of drives that
+    get through (`through`), the change of the fraction that bury a wheel (`buried`), and the saved cost (`cost saved`).
     """
     # For each held-out drive: changes of getting through and of burying a wheel, and the saved cost.
     drives = {row.control: row.held_out for row in tuning.drives}
     runs, cost = tuning.study.held_out_runs, tuning.study.cost
     models = np.array([run.case.model_file for run in runs])
     # The drives of both controls are in one order, so that each pair belongs to one drive.
-    pairs = list(zip(drives["constant duty"], drives[f"tuned, {tuning.study.estimate}"], strict=True))
     rows = np.array(
         [
-            (now.stuck - tuned.stuck, tuned.buried - now.buried, now.cost(cost) - tuned.cost(cost))
-            for now, tuned in pairs
+            (then.stuck - now.stuck, now.buried - then.buried, then.cost(cost) - now.cost(cost))
+            for then, now in zip(drives[old], drives[new], strict=True)
         ]
     )
     # One value per model: the drives of a model are not independent, so only the differences between models count.

@@ -12,7 +12,7 @@ from rover_pin.base.errors import DataError
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import write_model
 from rover_pin.tuning.drive_score import Cost, Score
-from rover_pin.tuning.improve import DEFAULT_STUDY, Improvement, Prediction, improve, predicted_gain
+from rover_pin.tuning.improve import DEFAULT_STUDY, Prediction, improve, improvement_of, predicted_gain
 from rover_pin.tuning.report import ControlScores, TuningResult
 from rover_pin.tuning.study import DriveCase, TuningStudy
 
@@ -50,20 +50,24 @@ def test_a_prediction_moves_and_scales_with_its_values(values, shift, scale):
     assert shifted == pytest.approx(tuple(shift + scale * number for number in plain), abs=1e-6)
 
 
-def result_of(now, tuned, files=("a", "a", "b", "b")):
-    """Drives that pass (0) or get stuck (1) by constant duty and tuned, each on the model of a file."""
+def test_no_number_is_written_as_minus_zero():
+    assert Prediction(-0.001, -0.004, 0.004).words() == "0.00 [0.00, 0.00]"
+
+
+def result_of(now, tuned, files=("a", "a", "b", "b"), before=None):
+    """Drives that pass (0) or get stuck (1) by constant duty, before and after tuning, each on the model of a file."""
     cases = tuple(DriveCase(f"{at}", "flat", (("model", file),)) for at, file in enumerate(files))
     study = dataclasses.replace(DEFAULT_STUDY, held_out=cases)
     rows = {
         name: tuple(Score(1.0 - stuck, 0.0, 0.0, stuck, 0.0, 0.0) for stuck in drives)
-        for name, drives in (("constant duty", now), ("before, onboard", now), ("tuned, onboard", tuned))
+        for name, drives in (("constant duty", now), ("before, onboard", before or now), ("tuned, onboard", tuned))
     }
     drives = tuple(ControlScores(name, scores[:1] * len(study.training), scores) for name, scores in rows.items())
     return TuningResult(study, study.law_before, (), drives, (), 0, 0.0)
 
 
 def test_gain_is_averaged_over_drives_and_scattered_over_models():
-    gain = predicted_gain(result_of((1, 1, 1, 0), (0, 0, 0, 0)))
+    gain = predicted_gain(result_of((1, 1, 1, 0), (0, 0, 0, 0)), "constant duty", "tuned, onboard")
     assert gain["through"].mean == pytest.approx(0.75)
     assert gain["cost saved"].mean == pytest.approx(0.75 * float(Cost().progress + Cost().stuck))
     assert gain["buried"] == (0.0, 0.0, 0.0)
@@ -81,11 +85,27 @@ def test_gain_is_averaged_over_drives_and_scattered_over_models():
 )
 def test_no_gain_is_claimed_where_the_interval_holds_none(now, tuned, start):
     tuning = result_of(now, tuned)
-    result = Improvement(tuning, {}, "constant duty", predicted_gain(tuning))
+    result = improvement_of(tuning, {})
     assert result.sentence.startswith(start)
     assert f"changes by {0.0 - result.gain['cost saved'].mean:.2f} [" in result.sentence
     assert result.summary()["gain is certain"] == result.is_certain == (start == "gain: ")
     assert (result.summary()["advice"] == "constant duty") == start.startswith("keep")
+
+
+@pytest.mark.parametrize("before", [(1, 1, 1, 1), (0, 0, 0, 1), (0, 0, 0, 0), (1, 0, 1, 0)])
+def test_the_gain_of_the_untuned_control_is_none_of_the_tuning(before):
+    """Per drive the two parts add up to the whole; an untuned control that passes all leaves nothing to the tuning."""
+    result = improvement_of(result_of((1, 1, 1, 1), (0, 0, 0, 0), before=before), {})
+    for name, whole in result.gain.items():
+        parts = result.gain_before_tuning[name].mean, result.gain_of_tuning[name].mean
+        assert sum(parts) == pytest.approx(whole.mean)
+    assert result.gain_before_tuning["through"].mean == pytest.approx(1 - np.mean(before))
+    assert result.gain_of_tuning["through"].mean == pytest.approx(np.mean(before))
+    summary = result.summary()
+    for name, part in (("gain of slip control before tuning", result.gain_before_tuning),
+                       ("gain of the tuning", result.gain_of_tuning)):  # fmt: skip
+        assert summary[name]["cost saved"] == part["cost saved"].words()
+        assert part["cost saved"].opposite.words() in result.sentence
 
 
 def test_training_takes_models_in_turn_and_judging_takes_all(tmp_path):
@@ -118,3 +138,6 @@ def test_a_rig_set_becomes_gains_that_drive(run, tmp_path):
     again, output, _ = run("improve", "out/improve/loop", "--study", "small.toml", "--workers", "1", "--json")
     assert again == 0
     assert json.loads(output)["cost saved"] == summary["cost saved"]
+    untuned, tuning = (summary[name] for name in ("gain of slip control before tuning", "gain of the tuning"))
+    means = [float(row["cost saved"].split()[0]) for row in (untuned, tuning, summary)]
+    assert means[0] + means[1] == pytest.approx(means[2], abs=0.011)
