@@ -36,6 +36,20 @@ gravity = { value = 1.62, unit = "m/s^2" }
 terrain.wall_angle = { low = 40, high = 60, unit = "deg" }
 soil.k = { low = 1e-3, high = 1e-1, scale = "log" }
 """
+DRIVE = """
+kind = "drive"
+scenario = "ditch"
+rover = "cart"
+soil = "table-1"
+"soil.k" = "5mm"
+terrain.wall_angle_deg = 40
+add = ["DiggingMemory.c_d=0.1,length=0.05", "WeakMotor.wheel=fl,g=0.3"]
+control = "camera"
+"control.seed" = 3
+duration = 2.5
+[motor]
+gear = { value = 100, unit = "" }
+"""
 EFFECT = """from dataclasses import dataclass
 from typing import ClassVar
 import casadi as ca
@@ -195,6 +209,7 @@ def files(
         "own controller": {"mine.py": CONTROLLER.encode()},
         "import-log of objects": {"drive.mat": _mat_objects(truth)},
         "sweep by command": {"study.toml": SWEEP.encode()},
+        "drive file": {"mine.toml": DRIVE.encode()},
         "view": {"drive.parquet": _trace()},
         "commands": words,
     }
@@ -213,6 +228,7 @@ READ = {
     "import-log of objects": command("import-log", "drive.mat", "--rover", "cart"),
     "own effects": lambda folder: _own_effects(folder),
     "sweep by command": command("sweep", "study.toml", "--workers", "1"),
+    "drive file": command("list", "settings", "mine.toml"),
     "view": command("view", "drive.parquet"),
     "commands": read_words,
 }
