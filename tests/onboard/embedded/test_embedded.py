@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from rover_pin import scenario
 from rover_pin.cli.app import app
-from rover_pin.onboard.embedded.folder import write_control
+from rover_pin.onboard.embedded.folder import control_export, write_control
 from rover_pin.onboard.embedded.motion import embedded_motion
 from rover_pin.onboard.embedded.source import embed
 from rover_pin.onboard.embedded.vectors import vectors
@@ -84,7 +84,8 @@ def test_vectors_notice_a_number_that_is_otherwise(tmp_path):
 
 @pytest.mark.parametrize("control", ["eq9", "cmd-vel"])
 def test_the_test_program_says_why_it_ends_without_a_test(control, tmp_path):
-    write_control(export(control=control), tmp_path)
+    chosen = scenario("ditch", control=control)
+    write_control(control_export(chosen.controller, chosen.model), tmp_path)
     program = built(tmp_path)
     (tmp_path / "empty.csv").touch()
     for words, named in (((), "vectors.csv [LIMIT]"), (("missing.csv",), "missing.csv"), (("empty.csv",), "empty.csv")):
