@@ -195,7 +195,7 @@ class Verdict:
         lines += [f"  {score.line}" for score in self.scores if score.worded.outcome in CLAIMED or is_short]
         if self.beliefs is not None:
             taken = ", ".join(f"{name} {times:.2f}" for name, times in self.beliefs.noise_taken(self.named).items())
-            lines.append(f"  residual that is taken for noise: {taken} times {usual_noise(self.beliefs)}")
+            lines.append(f"  estimated noise: {taken} times {usual_noise(self.beliefs)}")
         for name, (numbers, errors) in self.others.items():
             instead = f"  with {name} instead: " if self.named else f"  with {name}: "
             fitted = ", ".join(number.text for number in numbers)

@@ -9,23 +9,26 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.decision import likeliest
 from rover_pin.discrepancy.held_out_errors import ChannelScore
+from rover_pin.discrepancy.rivals import is_better
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.profile import CONFIDENCE
-from rover_pin.estimation.wording import FLOOR_RATIO, MAX_NAMED, MAX_NOISE_RATIO, MIN_MENTIONED, Outcome, share
-from rover_pin.report.words import (
-    Labels,
-    brief,
-    capital,
-    cause,
-    human,
-    kinds_of,
-    listing,
-    pair,
-    two_digits,
-    with_interval,
+from rover_pin.estimation.profile import CONFIDENCE, MAJORITY
+from rover_pin.estimation.wording import FLOOR_RATIO, MAX_NAMED, MAX_NOISE_RATIO, Outcome, share
+from rover_pin.report.cause_sets import (
+    CauseSet,
+    best_held_out,
+    by_outcome,
+    cause_sets,
+    far_from_declared,
+    in_order_of_interest,
+    in_words,
+    sizes_of,
+    worst,
 )
+from rover_pin.report.words import Labels, brief, capital, cause, human, kinds_of, listing, pair, two_digits
+
+MAX_HEADLINE_WORDS = 25
+"""Maximum number of words in a headline. A longer sentence is replaced by a shorter one that names fewer causes."""
 
 NOTHING_MISSING = "nothing is missing"
 """Clause of a headline for the alternative that no cause acts, so that the base model is right."""
@@ -43,11 +46,10 @@ NEXT_STEP = {
         "no other cause remains: drive where the effect matters most, and check that the model predicts that drive"
     ),
     Answer.NONE_NEEDED: "test the model harder: drive on steeper ground, faster, or with more slip",
-    Answer.CANNOT_TELL: "take the measurement that the sentence above names",
+    Answer.CANNOT_TELL: "take the measurement that the section 'The answer in full' names",
     Answer.NONE_FITS: WRITE_AN_EFFECT,
     Answer.INADEQUATE: (
-        "measure the numbers named above separately and declare the results; if they are as declared, "
-        f"{WRITE_AN_EFFECT}"
+        f"measure these numbers separately and declare the results; if they are as declared, {WRITE_AN_EFFECT}"
     ),
     Answer.LIKE: (
         "measure where the law of the effect and the data differ most, which the section on the residual shows"
@@ -58,15 +60,94 @@ NEXT_STEP = {
 
 
 def headline(verdict: Verdict, labels: Labels) -> str:
-    """Return the verdict in one sentence: the missing effect, its size with unit and 95 % interval, and its
-    probability.
+    """Return the verdict in one sentence of at most MAX_HEADLINE_WORDS words, with names of causes but without numbers.
+
+    If several sets of causes remain possible, the sentence names the set that predicts held-out data best and the most
+    probable set. It names the other sets only if there is room for them.
+    """
+    answer = verdict.answer
+    if verdict.rival:
+        sentence = _rival_sentence(verdict, labels)
+    elif verdict.named:
+        sentences = list(_cause_sentences(verdict, labels))
+        sentence = next((one for one in sentences if len(one.split()) <= MAX_HEADLINE_WORDS), sentences[-1])
+    elif answer is Answer.NONE_NEEDED:
+        sentence = "no effect needs to be added to the model."
+    elif answer is Answer.NONE_FITS:
+        channels = [labels.channel(score.name) for score in worst(verdict.scores)[:2]]
+        errors = f" in {listing(channels)}" if channels else ""
+        sentence = f"none of the candidate effects explains the errors of the model{errors}."
+    elif answer is Answer.INADEQUATE:
+        numbers = listing(number.name for number in far_from_declared(verdict))
+        sentence = "the base model fits the data only with numbers far from their declared values"
+        named = f"{sentence}: {numbers}"
+        sentence = f"{named if numbers and len(named.split()) <= MAX_HEADLINE_WORDS else sentence}."
+    else:
+        sentence = "these data do not show which effect the model lacks."
+    return capital(sentence)
+
+
+def _rival_sentence(verdict: Verdict, labels: Labels) -> str:
+    """Return the headline of a verdict whose model predicts some channel worse than a curve without physics."""
+    errors = {score.name: score for score in verdict.scores}
+    better = [
+        baseline
+        for baseline in verdict.baselines
+        if baseline.channel in errors
+        and is_better(baseline.error, errors[baseline.channel].floor, errors[baseline.channel].after)
+    ]
+    channels = listing(dict.fromkeys(labels.channel(baseline.channel) for baseline in better)) or "held-out data"
+    curves = listing(dict.fromkeys(baseline.curve for baseline in better), "or") or "curve without physics"
+    sentence = f"a {curves} predicts {channels} better than the model."
+    few = len(sentence.split()) <= MAX_HEADLINE_WORDS
+    return sentence if few else "curves without physics predict held-out data better than the model."
+
+
+def _cause_sentences(verdict: Verdict, labels: Labels) -> Iterator[str]:
+    """Yield headlines of a verdict that adds causes to the model, the most detailed first, the shortest last."""
+    start = "the model's error comes from"
+    added = in_words(verdict.named, verdict, labels)
+    if verdict.answer is Answer.LIKE:
+        yield f"{start} {added} or from an effect with a similar influence."
+    sets = in_order_of_interest(verdict)
+    if len(sets) == 1:
+        yield f"{start} {added}."
+        yield f"{start} {len(verdict.named)} causes that act together."
+        return
+    names = [in_words(row.names, verdict, labels) for row in sets if row.names]
+    nothing = "" if len(names) == len(sets) else ", or nothing is missing"
+    best, most_probable = best_held_out(verdict), cause_sets(verdict)[0]
+    likely = in_words(most_probable.names, verdict, labels)
+    likely_clause = f"{likely} is most probable" if likely else "most probably nothing is missing"
+    if best is not None and best.names != most_probable.names:
+        # The two sets that a reader must know are named in any case; the others follow if there is room.
+        first = in_words(best.names, verdict, labels) or "the base model"
+        sentence = f"{first} predicts held-out data best, and {likely_clause}"
+        if others := [name for name in names if name not in (first, likely)]:
+            one = len(others) == 1
+            yield f"{sentence}; {listing(others, 'or')} {'is' if one else 'are'} also possible."
+            yield f"{sentence}; {len(others)} more {'cause is' if one else 'causes are'} possible."
+        yield f"{sentence}."
+        yield "the cause that predicts held-out data best is not the most probable cause; the table lists both."
+        return
+    also = " and predicts held-out data best" if best is not None and likely else ""
+    yield f"{start} {listing(names, 'or')}{nothing}; {likely_clause}{also}."
+    yield f"{start} {listing(names, 'or')}{nothing}; {likely_clause}."
+    if likely:
+        yield f"{likely} is the most probable of {len(sets)} possible causes{also}."
+    yield f"the model's error has {len(sets)} possible causes, which the table lists."
+
+
+def full_answer(verdict: Verdict, labels: Labels) -> str:
+    """Return the verdict in one sentence with the meaning of each possible cause, its size with unit and 95 % interval,
+    and its probability.
     """
     # The alternatives in words, joined by "or", each with its probability.
     answer = verdict.answer
     alternatives = "; or ".join(
-        (_describe_causes(verdict, names, labels) or NOTHING_MISSING)
-        + (f", with probability {p:.2f}" if math.isfinite(p) else "")
-        for names, p in choices(verdict)
+        (_describe_causes(row, verdict, labels) or NOTHING_MISSING)
+        + (f", with probability {row.probability:.2f}" if math.isfinite(row.probability) else "")
+        for row in in_order_of_interest(verdict)
     )
     # Each answer has its own form of sentence, which claims no more than the answer.
     if answer is Answer.NAMED:
@@ -74,7 +155,7 @@ def headline(verdict: Verdict, labels: Labels) -> str:
     elif answer is Answer.SET:
         sentence = f"either {alternatives}; these data cannot distinguish between these causes."
     elif answer is Answer.LIKE:
-        causes = _describe_causes(verdict, verdict.named, labels)
+        causes = _describe_causes(in_order_of_interest(verdict)[0], verdict, labels)
         sentence = f"the data look as if {causes}; another effect with a similar influence may act instead."
     elif answer is Answer.NONE_NEEDED:
         none = verdict.beliefs.sets.get(frozenset(), 0.0) if verdict.beliefs is not None else math.nan
@@ -91,56 +172,28 @@ def headline(verdict: Verdict, labels: Labels) -> str:
     return capital(human(sentence, kinds_of(verdict)))
 
 
-def choices(verdict: Verdict) -> list[tuple[tuple[str, ...], float]]:
-    """Return the alternatives that the headline lists, each as (names of its causes, probability).
-
-    An alternative is a combination of causes that act together; an empty combination means that nothing is missing. Its
-    probability is the sum over all combinations that contain these causes and none of the alternatives before it. The
-    probability is NaN if no probabilities were computed.
+def _describe_causes(row: CauseSet, verdict: Verdict, labels: Labels) -> str:
+    """Return one clause for each cause of a set, joined by "; and ". If the set was fitted, a clause states the fitted
+    numbers.
     """
-    # The verdict stores combinations as texts, such as "SlipSinkage + TetherDrag".
-    sets = [tuple(names.split(" + ")) if names != "nothing" else () for names in verdict.indistinguishable]
-    sets = sets or [verdict.named]
-    return likeliest(sets, verdict.beliefs) if verdict.beliefs else [(names, math.nan) for names in sets]
-
-
-def _describe_causes(verdict: Verdict, names: Sequence[str], labels: Labels) -> str:
-    """Return one clause for each of the causes `names`, joined by "; and ".
-
-    If a model with exactly these causes was fitted, the clause of a cause states its fitted numbers.
-    """
-    # Fits by their combination of causes; not every combination was fitted.
-    fitted_sides = {" + ".join(verdict.named): verdict.after, **verdict.others}
-    side = fitted_sides.get(" + ".join(names))
-    clauses = []
-    for name in names:
-        owner = name.partition("@")[0]
-        numbers = [
-            number
-            for number in (side.numbers if side else ())
-            if number.name == name or number.name.startswith(f"{owner}.")
-        ]
-        # A single number with a unit is clear without its name: "(slip-sinkage): 1.2 mm [0.9, 1.5]".
-        if len(numbers) == 1 and (numbers[0].unit or numbers[0].name == name):
-            sizes = with_interval(numbers[0])
-        else:
-            sizes = listing(f"{number.name.rpartition('.')[2]} = {with_interval(number)}" for number in numbers)
-        clauses.append(cause(name, kinds_of(verdict), labels.placed) + (f": {sizes}" if sizes else ""))
-    return "; and ".join(clauses)
+    kinds = kinds_of(verdict)
+    return "; and ".join(
+        cause(name, kinds, labels.placed) + (f": {sizes}" if (sizes := sizes_of(row, name)) else "")
+        for name in row.names
+    )
 
 
 def improvement(verdict: Verdict, labels: Labels) -> str:
-    """Return the sentences below the headline: the change of the held-out errors, and a remark on the data.
+    """Return the sentence on the change of the held-out errors.
 
-    If effects were added, the text states how the errors changed. If no effect is needed, it states the largest errors.
-    The text may be empty.
+    If no effect is needed, the sentence states the largest errors of the model instead. It may be empty.
     """
     sentence = ""
     if verdict.named:
         sentence = _change_sentence(verdict, labels)
     elif verdict.answer is Answer.NONE_NEEDED and verdict.scores:
         sentence = f"the largest errors of the model: {_largest_errors(verdict, labels)} {labels.unseen}."
-    return " ".join(filter(None, (capital(sentence), labels.besides)))
+    return capital(sentence)
 
 
 def _change_sentence(verdict: Verdict, labels: Labels) -> str:
@@ -180,25 +233,6 @@ def _largest_errors(verdict: Verdict, labels: Labels) -> str:
         error = f"wrong by {brief(score.before, score.unit)}, {score.times(score.before):.2g} times its noise"
         clauses.append(f"{labels.channel(score.name)} is {'not predicted everywhere' if score.lost else error}")
     return listing(clauses)
-
-
-def by_outcome(scores: Sequence[ChannelScore], *outcomes: Outcome) -> list[ChannelScore]:
-    """Return the channels whose held-out error changed with one of these outcomes, such as better. The largest change
-    is first.
-
-    Changes are compared in units of the channel's noise. A relative change smaller than MIN_MENTIONED is not returned,
-    even if it exceeds the scatter; only the tables show it.
-    """
-    changed = [score for score in scores if score.worded.outcome in outcomes and abs(score.change) >= MIN_MENTIONED]
-    return sorted(changed, key=lambda score: -score.times(abs(score.before - score.after)))
-
-
-def worst(scores: Sequence[ChannelScore]) -> list[ChannelScore]:
-    """Return the channels sorted by their held-out error in units of their noise, the largest error first.
-
-    Channels that the model does not predict everywhere come before all others.
-    """
-    return sorted(scores, key=lambda score: (not score.worded.lost, -score.times(score.before)))
 
 
 def supporting_reasons(verdict: Verdict, labels: Labels) -> list[str]:
@@ -281,9 +315,15 @@ def _doubts(verdict: Verdict, labels: Labels) -> Iterator[str]:
     if verdict.named:
         if verdict.chosen and 2 * verdict.agreeing_folds <= len(verdict.chosen):
             yield _repeated_choices(verdict, labels)
-        others = [" + ".join(names) for names, _ in choices(verdict)[1:] if names]
+        sets = cause_sets(verdict)
+        others = [in_words(row.names, verdict, labels) for row in sets if row.names and row.names != verdict.named]
         if others:
-            yield f"{listing(others, 'or')} cannot be distinguished from the first cause by these data"
+            added = in_words(verdict.named, verdict, labels)
+            yield f"{listing(others, 'or')} cannot be distinguished from {added} by these data"
+        # Without probabilities, nothing is known about a further discrepancy.
+        more = verdict.beliefs.probability(lambda hypothesis: hypothesis.leaves_more) if verdict.beliefs else 0.0
+        if more > MAJORITY:
+            yield f"whichever cause acts, a discrepancy larger than the noise remains with probability {more:.2f}"
     # A part of the data that the others predict worse with the added effects contradicts these effects.
     worst_run = max(verdict.runs, key=lambda run_score: run_score.after / max(run_score.before, 1e-9), default=None)
     if verdict.named and worst_run is not None and worst_run.after > FLOOR_RATIO * worst_run.before:
@@ -296,7 +336,7 @@ def _doubts(verdict: Verdict, labels: Labels) -> Iterator[str]:
     if noisy and (verdict.named or verdict.answer is Answer.NONE_NEEDED):
         score, still = noisy[0], "still " if verdict.named else ""
         times = two_digits(score.times(score.after))
-        yield f"the error of {labels.channel(score.name)} is {still}{times} times its noise"
+        yield f"the held-out error of {labels.channel(score.name)} is {still}{times} times its noise"
     yield from (caution for caution in verdict.cautions if caution.partition(":")[0] not in verdict.vetoes)
     for finding in verdict.findings:
         yield f"finding of the data check: {finding}"

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.wording import MAX_NAMED
-from rover_pin.report.headline import headline, improvement, next_run, opposing_reasons, supporting_reasons
+from rover_pin.report.cause_sets import cause_table
+from rover_pin.report.headline import full_answer, headline, improvement, next_run, opposing_reasons, supporting_reasons
 from rover_pin.report.page import Head, Picture, Section, Sections, write_page
 from rover_pin.report.sections.causes import causes_section, sensitivity_section
 from rover_pin.report.sections.held_out import held_out_section
@@ -15,6 +15,9 @@ from rover_pin.report.sections.numbers import numbers_section
 from rover_pin.report.sections.physics import physics_section
 from rover_pin.report.words import Labels, capital, full, human, kinds_of, listing
 
+MAX_REASONS = 3
+"""Maximum number of reasons to believe, and of reasons to doubt, on the first screen, so that a laptop shows it at once.
+The section "Warnings" lists all reasons to doubt."""
 LISTED = "sections/listed.html"
 """Template of a section that consists of a list of sentences."""
 
@@ -55,6 +58,7 @@ def write_verdict(verdict: Verdict, page: VerdictPage, out: Path) -> list[Path]:
     # From the answer to the details: errors, residual, effect, causes, numbers, limits, data, repetition.
     sections = [
         first_screen(verdict, labels, page.picture[1], page.picture[0]),
+        answer_section(verdict, labels),
         *page.after_first,
         held_out_section(verdict, labels),
         page.where_wrong,
@@ -85,7 +89,7 @@ def repeat_section(verdict: Verdict, labels: Labels, model_file: bool = True) ->
 
 
 def first_screen(verdict: Verdict, labels: Labels, picture: Picture | None = None, file: str = "first") -> Section:
-    """Return the first section of a page: headline, answer, picture, reasons, and the next measurement.
+    """Return the first section of a page: headline, table of causes, picture, reasons, and the next measurement.
 
     Parameters
     ----------
@@ -102,29 +106,46 @@ def first_screen(verdict: Verdict, labels: Labels, picture: Picture | None = Non
     content = {
         "file": file,
         "sentence": headline(verdict, labels),
-        "improvement": improvement(verdict, labels),
-        "answer": capital(verdict.answer.value),
-        "said": capital(human(verdict.sentence, kinds_of(verdict))),
-        "added": bool(verdict.named),
-        "believe": why[:MAX_NAMED],
-        "doubt": but[:MAX_NAMED],
-        "more": max(len(but) - MAX_NAMED, 0),
+        "causes": cause_table(verdict, labels),
+        "remark": labels.besides,
+        "believe": why[:MAX_REASONS],
+        "doubt": but[:MAX_REASONS],
+        "more": max(len(but) - MAX_REASONS, 0),
         "next": next_run(verdict),
     }
     return Section("Verdict", "first_screen.html", content, {file: picture} if picture is not None else {})
 
 
+def answer_section(verdict: Verdict, labels: Labels) -> Section:
+    """Return the section with the answer in full sentences: meaning, size and probability of each possible cause, and
+    the change of the held-out errors.
+    """
+    content = {
+        "answer": capital(verdict.answer.value),
+        "explanation": capital(human(verdict.sentence, kinds_of(verdict))),
+        "added": bool(verdict.named),
+        "sentences": [line for line in (full_answer(verdict, labels), improvement(verdict, labels)) if line],
+    }
+    return Section("The answer in full", "sections/answer.html", content)
+
+
 def first_lines(verdict: Verdict, labels: Labels) -> str:
-    """Return the content of the page's first section as text for a terminal: headline, errors, reasons, and next
+    """Return the content of the page's first section as text for a terminal: headline, causes, reasons, and next
     runs.
     """
     parts = {
-        "believe it because": supporting_reasons(verdict, labels)[:MAX_NAMED],
-        "doubt it because": opposing_reasons(verdict, labels)[:MAX_NAMED],
+        "believe it because": supporting_reasons(verdict, labels)[:MAX_REASONS],
+        "doubt it because": opposing_reasons(verdict, labels)[:MAX_REASONS],
         "next": next_run(verdict),
     }
-    # A list of reasons that is empty is not printed.
-    lines = [line for line in (headline(verdict, labels), improvement(verdict, labels)) if line]
+    lines = [headline(verdict, labels)]
+    # One line for each row of the table, in which each cell follows the heading of its column.
+    if (table := cause_table(verdict, labels)) is not None:
+        for row in table.rows:
+            name, size, *others = row.cells
+            cells = [f"{head} {cell}" for head, cell in zip(table.heads[2:], others, strict=True) if cell]
+            lines.append(f"  {name}: {'; '.join(filter(None, [size, *cells]))}")
+    lines += [labels.besides] if labels.besides else []
     for head, reasons in parts.items():
         lines += [f"{head}:", *(f"  - {line}" for line in reasons)] if reasons else []
     return "\n".join(lines)

@@ -78,12 +78,15 @@ def _digits(size: float, digits: int) -> str:
 def with_interval(number: Number) -> str:
     """Return a fitted number with its 95 % interval as text: "1.2 mm [0.9, 1.5]".
 
-    If the data give no interval, "(no interval)" takes its place.
+    If an end of the interval is a bound of the number and not a result of the data, a remark follows. If the data give
+    no interval, "(no interval)" stands in its place.
     """
     factor, _ = in_words(number.unit, number.value)
-    if not (number.closed and math.isfinite(number.low + number.high)):
-        return f"{brief(number.value, number.unit)} (no interval)"
-    return f"{brief(number.value, number.unit)} [{_digits(factor * number.low, 2)}, {_digits(factor * number.high, 2)}]"
+    value = brief(number.value, number.unit)
+    if not math.isfinite(number.low + number.high) or number.low == number.high:
+        return f"{value} (no interval)"
+    ends = f"{value} [{_digits(factor * number.low, 2)}, {_digits(factor * number.high, 2)}]"
+    return ends if number.closed else f"{ends}, limited by its bounds"
 
 
 def pair(before: float, after: float, unit: str) -> tuple[str, str]:

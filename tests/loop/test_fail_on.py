@@ -53,9 +53,11 @@ def test_first_screen_comes_first_and_can_be_opened(run, tmp_path, monkeypatch):
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)
     _, out, _ = closed(run, tmp_path, "--open", seed=0, viscous=0.02)
-    first, second = out.splitlines()[:2]
-    assert "(viscous friction): 0.020 N m s [" in first
-    assert second.startswith("Current")
+    first, second, third = out.splitlines()[:3]
+    assert first == "The model's error comes from viscous friction."
+    assert second.startswith("  viscous friction: 0.020 N m s [")
+    assert "held-out error current" in second
+    assert third.startswith("  nothing (base model): ")
     for head in ("believe it because:", "doubt it because:", "next:"):
         assert head in out
     assert out.rstrip().endswith("written: out/report.html")

@@ -1,6 +1,7 @@
-"""The first screen: one sentence with numbers, reasons for and against, what to drive next; no class as headline."""
+"""The first screen: a short sentence, the causes with their numbers, reasons for and against, what to drive next."""
 
 import dataclasses
+import math
 import re
 from types import SimpleNamespace
 
@@ -9,10 +10,20 @@ import pytest
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out_errors import ChannelScore, RunScore
 from rover_pin.discrepancy.verdict import Alternative
+from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.numbers import Number
+from rover_pin.report.cause_sets import BASE_MODEL, best_held_out, cause_table, in_order_of_interest
 from rover_pin.report.drive.report import labels_of
-from rover_pin.report.headline import headline, improvement, next_run, opposing_reasons, supporting_reasons
-from rover_pin.report.verdict_page import first_lines, first_screen
+from rover_pin.report.headline import (
+    MAX_HEADLINE_WORDS,
+    full_answer,
+    headline,
+    improvement,
+    next_run,
+    opposing_reasons,
+    supporting_reasons,
+)
+from rover_pin.report.verdict_page import answer_section, first_lines, first_screen
 from rover_pin.report.words import Labels, brief, pair
 from rover_pin.simulation.model.effect_files import package_effects
 
@@ -39,40 +50,112 @@ def test_rig_sentence_states_error_reduction_and_reason(rig):
     assert re.findall(r"^Sinkage|[\d.]+ mm", better) == ["Sinkage", "5.5 mm", "1.3 mm"]
     assert better.endswith(RIG.unseen)
     assert "drawbar pull" in unclaimed
-    assert "(slip-sinkage)" in headline(rig, RIG)
+    assert "(slip-sinkage)" in full_answer(rig, RIG)
 
 
-def test_the_headline_states_cause_size_and_confidence(verdict):
+def test_the_full_answer_states_cause_size_and_confidence(verdict):
     """Numbers with unit and interval are those of the fit; the probability is that of the beliefs."""
-    headline_text = headline(verdict, labels_of(verdict))
-    assert headline_text.startswith("The bus voltage drops with the current that all motors draw (supply sag): R_b = ")
+    said = full_answer(verdict, labels_of(verdict))
+    assert said.startswith("The bus voltage drops with the current that all motors draw (supply sag): R_b = ")
     for number in (number for number in verdict.after.numbers if number.name.startswith("SupplySag.")):
-        match = re.search(rf"{number.name.partition('.')[2]} = ([\d.]+) \w+ \[([\d.]+), ([\d.]+)\]", headline_text)
+        match = re.search(rf"{number.name.partition('.')[2]} = ([\d.]+) \w+ \[([\d.]+), ([\d.]+)\]", said)
         numbers = tuple(map(float, match.groups()))
         assert numbers == pytest.approx((number.value, number.low, number.high), rel=0.06)
-    assert headline_text.endswith(f"with probability {verdict.beliefs.inclusion('SupplySag'):.2f}.")
+    assert said.endswith(f"with probability {verdict.beliefs.inclusion('SupplySag'):.2f}.")
 
 
-def test_the_headline_states_the_size_of_each_of_a_set(rig):
+def test_the_full_answer_states_the_size_of_each_of_a_set(rig):
     """Sets that cannot be distinguished are equivalents: this much of one, or that much of another."""
     tilt = Number("GravityTilt.angle", "rad", 0.029, 0.02, 0.04, float("nan"))
     sets = {"indistinguishable": ("SlipSinkage", "GravityTilt"), "others": {"GravityTilt": Alternative((tilt,), {})}}
-    headline_text = headline(dataclasses.replace(rig, answer=Answer.SET, beliefs=None, **sets), RIG)
-    assert ": 1.7 deg [1.1, 2.3]" in headline_text.split("; or ")[1]
+    said = full_answer(dataclasses.replace(rig, answer=Answer.SET, beliefs=None, **sets), RIG)
+    assert ": 1.7 deg [1.1, 2.3]" in said.split("; or ")[1]
 
 
-def test_the_headline_lists_the_most_probable_of_many_sets(rig):
-    """That nothing is missing stands last, and may be the most probable of many sets all the same."""
-    probabilities = {("SlipSinkage",): 0.4, ("PostPeak",): 0.004, ("GravityTilt",): 0.2, ("TrackingDelay",): 0.1,
-            ("SupplySag",): 0.02, (): 0.276}  # fmt: skip
-    beliefs = SimpleNamespace(sets={frozenset(names): p for names, p in probabilities.items()}, hypotheses=(), choice=6)
+TILT = Number("GravityTilt.angle", "rad", 0.029, 0.02, 0.04, float("nan"))
+SINKS = Number("SlipSinkage.n_1", "", 1.5, 0.9, 2.0, float("nan"), closed=False)
+
+
+def with_sets(rig, probabilities, others, more=0.0):
+    """Return the rig's verdict with these probabilities of sets, and with these held-out errors of other sets."""
+    beliefs = SimpleNamespace(
+        sets={frozenset(names): p for names, p in probabilities.items()},
+        hypotheses=(),
+        choice=6,
+        probability=lambda of: more,
+    )
     sets = tuple(" + ".join(names) or "nothing" for names in probabilities)
-    left = dataclasses.replace(rig, answer=Answer.SET, beliefs=beliefs, indistinguishable=sets)
-    headline_text = headline(left, RIG)
-    assert re.findall(r"probability ([\d.]+\d)", headline_text) == ["0.40", "0.20", "0.10", "0.28"]
-    assert "nothing is missing, with probability 0.28" in headline_text
-    (opposing_reason,) = [line for line in opposing_reasons(left, RIG) if "distinguished" in line]
-    assert "eak" not in opposing_reason, "of what is not worth a word nothing is said"
+    after = rig.after._replace(numbers=(SINKS,))
+    return dataclasses.replace(
+        rig, answer=Answer.SET, beliefs=beliefs, indistinguishable=sets, others=others, after=after
+    )
+
+
+MANY = {("SlipSinkage",): 0.4, ("PostPeak",): 0.004, ("GravityTilt",): 0.2, ("TrackingDelay",): 0.1,
+        ("SupplySag",): 0.02, (): 0.276}  # fmt: skip
+
+
+def test_the_most_probable_of_many_sets_are_listed(rig):
+    """That nothing is missing may be the most probable of many sets all the same."""
+    left = with_sets(rig, MANY, {})
+    said = full_answer(left, RIG)
+    assert re.findall(r"probability ([\d.]+\d)", said) == ["0.40", "0.28", "0.20", "0.10"]
+    assert "nothing is missing, with probability 0.28" in said
+    (doubt,) = [line for line in opposing_reasons(left, RIG) if "distinguished" in line]
+    assert "eak" not in doubt, "of what is not worth a word nothing is said"
+
+
+@pytest.mark.parametrize(
+    ("errors", "best"),
+    [
+        ({"sinkage": 0.0006, "drawbar pull": 0.5}, "GravityTilt"),  # half the kept set's error
+        ({"sinkage": 0.0013, "drawbar pull": 0.54}, ""),  # within five per cent
+        ({"sinkage": 0.0026, "drawbar pull": 0.6}, "SlipSinkage"),
+        ({"sinkage": float("nan"), "drawbar pull": 0.01}, ""),  # not predicted everywhere
+    ],
+)
+def test_the_set_that_predicts_best_is_first_next_to_the_most_probable(rig, errors, best):
+    left = with_sets(
+        rig, {("SlipSinkage",): 0.7, ("GravityTilt",): 0.3}, {"GravityTilt": Alternative((TILT,), errors)}, 0.8
+    )
+    found = best_held_out(left)
+    assert (found.names if found else ()) == ((best,) if best else ())
+    order = [row.names[0] for row in in_order_of_interest(left)]
+    assert order == (["GravityTilt", "SlipSinkage"] if best == "GravityTilt" else ["SlipSinkage", "GravityTilt"])
+    said = headline(left, RIG)
+    assert ("best" in said) is bool(best)
+    assert "slip-sinkage is most probable" in said
+    assert "tilt" in said
+    assert any("0.80" in line for line in opposing_reasons(left, RIG)), "a discrepancy that remains is a doubt"
+
+
+def test_the_table_has_size_probability_and_errors_of_each_set_and_of_the_base_model(rig):
+    errors = {"sinkage": 0.0006, "drawbar pull": 0.5}
+    left = with_sets(rig, {("SlipSinkage",): 0.7, ("GravityTilt",): 0.3}, {"GravityTilt": Alternative((TILT,), errors)})
+    tilt, sinks, base = (row.cells for row in cause_table(left, RIG).rows)
+    assert tilt[1:4] == ("1.7 deg [1.1, 2.3]", "0.30", "sinkage 0.60 mm")
+    assert sinks[:3] == ("slip-sinkage", "n_1 = 1.5 [0.90, 2.0], limited by its bounds", "0.70")
+    assert sinks[3] == "sinkage 1.3 mm"
+    assert base[0] == BASE_MODEL
+    assert base[2:4] == ("0.00", "sinkage 5.5 mm")
+    # Floors are 0.3 N and 0.1 mm.
+    assert float(tilt[4].split()[0]) == pytest.approx(math.sqrt(((0.5 / 0.3) ** 2 + 6.0**2) / 2), rel=0.05)
+    assert float(base[4].split()[0]) == pytest.approx(math.sqrt(((0.75 / 0.3) ** 2 + 55.0**2) / 2), rel=0.05)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 6, 12])
+def test_the_headline_stays_short_however_many_causes_act(rig, count):
+    """Long sets, each of several effects: the sentence then counts what it cannot name."""
+    kinds = sorted(kind.__name__ for kind in package_effects())
+    held = {("SlipSinkage",): 0.5}
+    held |= {tuple(kinds[3 * at : 3 * at + 3]): 0.4 / count for at in range(count)}
+    for best in (0.0001, 0.01):
+        others = {
+            " + ".join(names): Alternative((), {"sinkage": best, "drawbar pull": 0.3}) for names in list(held)[1:2]
+        }
+        said = headline(with_sets(rig, held, others), RIG)
+        assert len(said.split()) <= MAX_HEADLINE_WORDS
+        assert not re.search(r"\d\.\d", said)
 
 
 def test_what_got_worse_stands_in_the_sentence(rig):
@@ -85,12 +168,16 @@ def test_what_got_worse_stands_in_the_sentence(rig):
 def test_every_answer_has_its_sentence_reasons_and_next_step(answered, answer):
     changed_verdict = answered(answer)
     manner = labels_of(changed_verdict)
-    headline_text = headline(changed_verdict, manner)
-    assert headline_text[0].isupper()
-    assert headline_text.endswith(".")
-    assert re.search(r"\d", headline_text)
+    said, short = full_answer(changed_verdict, manner), headline(changed_verdict, manner)
+    assert re.search(r"\d", said)
+    assert len(short.split()) <= MAX_HEADLINE_WORDS
+    assert not re.search(r"\d", short)
+    for sentence in (said, short):
+        assert sentence[0].isupper()
+        assert sentence.endswith(".")
     lines = [
-        headline_text,
+        said,
+        short,
         *supporting_reasons(changed_verdict, manner),
         *opposing_reasons(changed_verdict, manner),
         *next_run(changed_verdict),
@@ -107,13 +194,13 @@ def test_every_answer_has_its_sentence_reasons_and_next_step(answered, answer):
 def test_answers_that_add_nothing_say_so_and_claim_no_cause(answered):
     for answer in (Answer.NONE_NEEDED, Answer.NONE_FITS, Answer.INADEQUATE, Answer.CANNOT_TELL):
         assert "is now" not in improvement(answered(answer), labels_of(answered(answer)))
-    assert "fitted numbers" in headline(answered(Answer.NONE_FITS), RIG)
-    distant = dataclasses.replace(
+    assert "fitted numbers" in full_answer(answered(Answer.NONE_FITS), RIG)
+    far = dataclasses.replace(
         answered(Answer.INADEQUATE), sentence="numbers are far off: motor.gear = 30.", experiments=()
     )
-    assert headline(distant, RIG).startswith("Numbers are far off: motor.gear = 30: do not use")
-    assert "declare" in next_run(distant)[0]
-    none = headline(answered(Answer.NONE_NEEDED), RIG)
+    assert full_answer(far, RIG).startswith("Numbers are far off: motor.gear = 30: do not use")
+    assert "declare" in next_run(far)[0]
+    none = full_answer(answered(Answer.NONE_NEEDED), RIG)
     assert none.endswith("none of the 4 candidates acts, with probability 1.00.")
     assert "times its noise" in improvement(answered(Answer.NONE_NEEDED), RIG)
     assert "times its noise" not in improvement(answered(Answer.NONE_FITS), RIG)
@@ -126,11 +213,21 @@ def test_a_run_that_the_others_predict_worse_is_a_doubt(verdict, after, doubted)
     assert any(line.startswith("Climb-steps ") and "2.1 -> 6.2" in line for line in reasons) is doubted
 
 
+def test_the_answer_in_full_has_the_meaning_of_the_cause(verdict):
+    manner = labels_of(verdict)
+    content = answer_section(verdict, manner).content
+    assert content["sentences"] == [full_answer(verdict, manner), improvement(verdict, manner)]
+
+
 def test_a_terminal_gets_the_same_first_screen(verdict):
     manner = labels_of(verdict)
     text = first_lines(verdict, manner)
-    assert text.splitlines()[:2] == [headline(verdict, manner), improvement(verdict, manner)]
     content = first_screen(verdict, manner).content
+    rows = content["causes"].rows
+    lines = text.splitlines()
+    assert lines[0] == content["sentence"] == headline(verdict, manner)
+    for line, row in zip(lines[1 : 1 + len(rows)], rows, strict=True):
+        assert all(cell in line for cell in row.cells)
     for line in (*content["believe"], *content["doubt"], *content["next"]):
         assert f"  - {line}" in text
 
@@ -157,8 +254,12 @@ def test_two_numbers_have_as_many_digits_as_tell_them_apart():
 def test_a_rival_is_said_first_and_asks_for_an_effect(answered):
     first = "a quadratic of what was set predicts what was left out with 0.50 times this model's errors"
     drafted = dataclasses.replace(answered(Answer.NONE_FITS), rival=first)
-    assert headline(drafted, RIG).startswith(f"A{first[1:]}; ")
-    assert "candidates" in headline(drafted, RIG)
+    assert full_answer(drafted, RIG).startswith(f"A{first[1:]}; ")
+    assert "candidates" in full_answer(drafted, RIG)
+    channel = drafted.scores[0].name
+    curve = Baseline(channel, "m", "quadratic", 0.0, by_fold=(0.0,))
+    short = headline(dataclasses.replace(drafted, baselines=(curve,)), RIG)
+    assert short == f"A quadratic predicts {channel} better than the model."
     plain = dataclasses.replace(answered(Answer.INADEQUATE), experiments=())
     assert "declare" in next_run(plain)[0]
     assert "declare" not in next_run(dataclasses.replace(plain, rival=first))[0]

@@ -380,7 +380,7 @@ def cautions(verdict: Verdict, diagnostics: FitDiagnostics) -> tuple[str, ...]:
     # Cautions on the fitted numbers come first, then those on the residuals, then those on the choice.
     clauses = parameter_cautions(verdict.after.numbers if verdict.after else (), diagnostics.flags)
     clauses += [
-        f"the residual of {residual.name} is {residual.rms:.1f} times its noise"
+        f"the residual of {residual.name} in the fit to all runs is {residual.rms:.1f} times its noise"
         for residual in diagnostics.residuals
         if not residual.is_noise
     ]

@@ -241,7 +241,7 @@ def effect_picture(sides: Sides) -> Picture | None:
         return None
     channel, signal = words_of(shown.channel), SIGNALS[shown.signal]
     factor, unit = in_words(sides.experiment.unit(shown.channel), float(np.abs(shown.residual).max()))
-    figure = Figure(figsize=(7.2, 3.0), layout="constrained")
+    figure = Figure(figsize=(5.4, 3.2), layout="constrained")
     axis = figure.subplots()
     # A pitch is shown in degrees.
     along = np.degrees(shown.along) if shown.signal == "pitch" else shown.along

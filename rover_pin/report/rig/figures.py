@@ -54,7 +54,8 @@ def channel_panels(data: RigSet, drawn_models: Sequence[Look]) -> tuple[Figure, 
 def _panel(data: RigSet, channel: RigChannel, drawn_models: Sequence[Look]) -> Figure:
     """Return the figure of one channel against slip.
 
-    Only the curves of the last model have labels with load and slip angle.
+    The labels with load and slip angle stand at the curves of one model only: the model with added effects, if there is
+    one.
     """
     figure = Figure(figsize=PANEL_SIZE, layout="constrained")
     axis, (scale, unit) = figure.subplots(), in_words(channel.unit)
@@ -65,7 +66,7 @@ def _panel(data: RigSet, channel: RigChannel, drawn_models: Sequence[Look]) -> F
         for number, (slip, values, curve_label) in enumerate(_curves(look.model, data, channel)):
             axis.plot(slip, scale * values, look.line, color=look.colour, label=None if number else look.label)
             # The label is at the last finite value of the curve.
-            if curve_label and look is drawn_models[-1] and np.isfinite(values).any():
+            if curve_label and look is drawn_models[min(1, len(drawn_models) - 1)] and np.isfinite(values).any():
                 end = np.flatnonzero(np.isfinite(values))[-1]
                 axis.annotate(curve_label, (slip[end], scale * values[end]), fontsize=7.5, xytext=(3, 0),
                               textcoords="offset points", va="center")  # fmt: skip

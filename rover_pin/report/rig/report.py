@@ -15,11 +15,13 @@ from rover_pin.estimation.wording import Against, format_value
 from rover_pin.experiments.wheel_rig.diagnostics import JointExtra, ResidualTest, RigExtra
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.measurements.rig_set import RigSet
+from rover_pin.report.cause_sets import best_held_out
 from rover_pin.report.experiment import points_picture
 from rover_pin.report.page import AWAY, Picture, Row, Section, Table, before_and_after
 from rover_pin.report.rig.figures import Look, channel_panels, load_caption, looks, residual_panels
+from rover_pin.report.svg import GREY
 from rover_pin.report.verdict_page import VerdictPage, write_verdict
-from rover_pin.report.words import Labels, capital, kinds_of, listing
+from rover_pin.report.words import Labels, capital, key, kinds_of, listing
 
 UNSEEN = Labels("at slips that were not fitted", "levels of slip")
 """Words that the report uses for wheel-rig data. Slip levels, which are held out one after another, have their names
@@ -73,12 +75,17 @@ def _looks(verdict: Verdict) -> list[Look]:
     """Return the models that the figures show, with their line styles; an empty list if no model was fitted."""
     if verdict.before is None:
         return []
-    return looks(verdict.before.model, verdict.model if verdict.named else None, _added_names(verdict))
+    drawn_models = looks(verdict.before.model, verdict.model if verdict.named else None, _added_names(verdict))
+    # The set of causes that predicts held-out data best is also shown if it is not the set that was added.
+    best = best_held_out(verdict)
+    if verdict.beliefs is not None and best is not None and best.names and best.names != verdict.named:
+        words = key(listing(display_name(name, kinds_of(verdict)) for name in best.names))
+        drawn_models.append(Look(verdict.beliefs.best(best.names).fit.model, GREY, "-.", words))
+    return drawn_models
 
 
 def _picture(verdict: Verdict, data: RigSet) -> Picture:
-    """Return the first picture of the page: the channel that the added effects improve most, and its residuals, against
-    slip.
+    """Return the first picture of the page: the channel that the added effects improve most, against slip.
 
     If no model was fitted, the picture shows the measured points of all channels.
     """
@@ -95,14 +102,12 @@ def _picture(verdict: Verdict, data: RigSet) -> Picture:
 
     # The channel that gains most is shown first.
     score = max((score for score in verdict.scores if score.name in names), key=chi2_decrease)
-    row = names.index(score.name)
-    residuals = residual_panels(data, verdict.extra.before, verdict.extra.after if verdict.named else None)
     alt = f"{score.name} against slip, measured, with the base model" + f" and with {_added_names(verdict)}" * bool(
         verdict.named
     )
     before, after = (format_value(error, score.unit) for error in (score.before, score.after))
     missed = f"held-out error {before} before and {after} after" if verdict.named else f"held-out error {before}"
-    return Picture((channels[row], residuals[row]), f"{capital(alt)}: {missed}.", load_caption(data))
+    return Picture((channels[names.index(score.name)],), f"{capital(alt)}: {missed}.", load_caption(data))
 
 
 def where_wrong_section(verdict: Verdict, data: RigSet) -> Section | None:

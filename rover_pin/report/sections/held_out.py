@@ -6,17 +6,21 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from rover_pin.base.encode import figure_text
 from rover_pin.discrepancy.held_out_errors import ChannelScore
 from rover_pin.discrepancy.rivals import is_better
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import MAX_NAMED, Outcome, figure, format_value, got_worse
-from rover_pin.report.headline import by_outcome, worst
+from rover_pin.report.cause_sets import by_outcome, worst
 from rover_pin.report.page import AWAY, Picture, Row, Section, Table
 from rover_pin.report.svg import AFTER, BEFORE, GREY
 from rover_pin.report.words import Labels
+
+MIN_LOG_RANGE = 10.0
+"""Ratio of the ends of a logarithmic axis, below which its ticks are evenly spaced round numbers. Above it, they are at
+1, 2 and 5 of each decade, which are then at least three."""
 
 
 def held_out_section(verdict: Verdict, labels: Labels) -> Section | None:
@@ -152,9 +156,12 @@ def heldout_panel(scores: Sequence[ChannelScore], added: bool, labels: Labels) -
         axis.plot(after[~changed], places[~changed], "s", color=AFTER, mfc="none", ms=5, label="no change to claim")
     axis.set_yticks(places, [figure_text(labels.channel(score.name)) for score in ranked], fontsize=8.5)
     axis.set_xscale("log")
-    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    # A short axis has too few ticks at 1, 2 and 5 of a decade.
+    low, high = axis.get_xlim()
+    is_short = high < MIN_LOG_RANGE * low
+    axis.xaxis.set_major_locator(MaxNLocator(8, steps=(1, 2, 2.5, 5, 10)) if is_short else LogLocator(subs=(1, 2, 5)))
+    axis.xaxis.set_minor_locator(NullLocator())
     axis.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    axis.xaxis.set_minor_formatter(NullFormatter())
     axis.set_xlabel("held-out RMSE / noise")
     axis.grid(alpha=0.25)
     figure.legend(loc="outside upper center", ncols=3, frameon=False, fontsize=8.5)

@@ -17,7 +17,7 @@ from rover_pin.estimation.baselines import Baseline
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.odometry_rival import CURVE, GIVEN, odometry_baselines
-from rover_pin.report.headline import headline
+from rover_pin.report.headline import full_answer
 from rover_pin.report.labels import labels_of
 from tests.experiments.drive_log import drive_channels
 
@@ -115,7 +115,7 @@ def test_odometry_that_is_better_by_the_same_rates_is_said_first(rate_driven, ti
     assert (beside.answer is Answer.INADEQUATE) is first
     assert (beside.as_dict()["rival"] != "") is first
     assert beside.as_dict()["baselines"][0]["error"] == pytest.approx(times * 0.02)
-    for sentence in (beside.summary().split("No effect")[0], headline(beside, labels_of(beside))):
+    for sentence in (beside.summary().split("No effect")[0], full_answer(beside, labels_of(beside))):
         assert ("8 mm against 20 mm" in sentence) is first
     assert any("8 mm against 20 mm" in caution for caution in beside.cautions) is (times < 1.0)
 
