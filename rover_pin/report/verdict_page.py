@@ -16,7 +16,7 @@ from rover_pin.report.sections.physics import physics_section
 from rover_pin.report.words import Labels, capital, full, human, kinds_of, listing
 
 MAX_REASONS = 3
-"""Maximum number of reasons to believe, and of reasons to doubt, on the first screen, so that a laptop shows it at once.
+"""Maximum number of reasons to believe, and of reasons to doubt, on the first screen, so that a laptop shows all of it.
 The section "Warnings" lists all reasons to doubt."""
 LISTED = "sections/listed.html"
 """Template of a section that consists of a list of sentences."""
