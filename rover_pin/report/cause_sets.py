@@ -11,7 +11,7 @@ from rover_pin.discrepancy.held_out_errors import ChannelScore
 from rover_pin.discrepancy.rivals import RIVAL_RATIO
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name
-from rover_pin.estimation.numbers import MAX_DEVIATION, Number
+from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.wording import MIN_MENTIONED, Outcome
 from rover_pin.report.page import CHOSEN, Row, Table
 from rover_pin.report.words import Labels, brief, kinds_of, listing, two_digits, with_interval
@@ -79,10 +79,8 @@ def far_from_declared(verdict: Verdict) -> tuple[Number, ...]:
     """
     if verdict.answer is not Answer.INADEQUATE or verdict.named or verdict.before is None:
         return ()
-    # A number that was freed from its declared value has no deviation (NaN), because it counts as a size.
-    return tuple(
-        number for number in verdict.before.numbers if math.isnan(number.drift) or abs(number.drift) > MAX_DEVIATION
-    )
+    # The sentence of the verdict lists these numbers with their values.
+    return tuple(number for number in verdict.before.numbers if f"{number.name} = " in verdict.sentence)
 
 
 def best_held_out(verdict: Verdict) -> CauseSet | None:

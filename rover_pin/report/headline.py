@@ -78,7 +78,7 @@ def headline(verdict: Verdict, labels: Labels) -> str:
         errors = f" in {listing(channels)}" if channels else ""
         sentence = f"none of the candidate effects explains the errors of the model{errors}."
     elif answer is Answer.INADEQUATE:
-        numbers = listing(number.name for number in far_from_declared(verdict))
+        numbers = listing(labels.placed(number.name) for number in far_from_declared(verdict))
         sentence = "the base model fits the data only with numbers far from their declared values"
         named = f"{sentence}: {numbers}"
         sentence = f"{named if numbers and len(named.split()) <= MAX_HEADLINE_WORDS else sentence}."
