@@ -40,8 +40,13 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Patterns]] = {
         "anew": rf"of all hypotheses together: drawbar pull {WORD} N, sinkage {NUMBER} mm",
         "pressing pressing_low pressing_high": rf"rig.pressing_scale = {INTERVAL}",
     }),
-    "tether": (("rover-pin demo drive-log --hidden TetherDrag.f_0=2", "rover-pin close-loop demo-drive-log"), {
-        "f_0 f_0_low f_0_high": rf"TetherDrag.f_0 = {INTERVAL}",
+    "supply": ((
+        "rover-pin demo recording --hidden SupplySag.R_b=3",
+        "rover-pin import-log demo-recording/recording.csv --out my-log",
+        "rover-pin close-loop my-log",
+    ), {
+        "R_b R_b_low R_b_high": rf"SupplySag.R_b = {INTERVAL}",
+        "before after": rf"held-out battery_V: RMSE {NUMBER} \w?V -> {NUMBER} mV",
     }),
     "ditch": (("rover-pin drive ditch --set duration=30",), {"speed": rf"drives on at {NUMBER} m/s"}),
     "table_1_ditch": (("rover-pin drive ditch --soil table-1",), {"x t": rf"stuck at x = {NUMBER} m since {NUMBER} s"}),

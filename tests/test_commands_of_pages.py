@@ -24,7 +24,7 @@ FILES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").g
 spec = importlib.util.spec_from_file_location("keep_numbers", ROOT / "docs" / "keep_numbers.py")
 keeper = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(keeper)
-KEPT = {"python studies/close_the_loop.py", "rover-pin close-loop demo-drive-log"}
+KEPT = {"python studies/close_the_loop.py", "rover-pin close-loop my-log"}
 """Minutes, and run every night with their numbers compared."""
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in FILES}
 COMMAND = re.compile(r"`((?:rover-pin |python studies/)[^`]*|studies/[\w./]+\.py)`")
@@ -36,6 +36,8 @@ NEW = "rover-pin new-rover my_rover.urdf"
 INIT = "rover-pin init mine.csv --r 45mm --b 50mm --noise drawbar_pull=0.5N --noise sinkage=0.5mm"
 IMPORT = "rover-pin import-log steepening-slope/climb-1.csv steepening-slope/flat-steps.csv --out imported"
 SAVE = "rover-pin drive ditch --soil table-1 --set duration=5 --save my-drive.toml"
+RECORDED = "rover-pin demo recording --hidden SupplySag.R_b=3"
+READ = "rover-pin import-log demo-recording/recording.csv --out my-log"
 OTHER = (DITCH, "rover-pin drive ditch --out other")
 NEEDS = {
     "rover-pin check-data imported": (IMPORT,),
@@ -49,7 +51,8 @@ NEEDS = {
     "rover-pin drive ditch --model out/close_loop/posterior": ("rover-pin close-loop cmu-smooth-wheel",),
     "rover-pin improve out/close_loop --study studies/tune_onboard.toml": ("rover-pin close-loop cmu-smooth-wheel",),
     "rover-pin drive ditch --model out/close_loop/model.toml": ("rover-pin close-loop cmu-smooth-wheel",),
-    "rover-pin close-loop demo-drive-log": ("rover-pin demo drive-log --hidden TetherDrag.f_0=2",),
+    READ: (RECORDED,),
+    "rover-pin close-loop my-log": (RECORDED, READ),
     "rover-pin compare out/drive/log other/log": OTHER,
     "rover-pin view out/drive/log --compare other/log --gif": OTHER,
 }

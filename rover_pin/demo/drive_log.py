@@ -32,6 +32,7 @@ from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.sensors import Sensors, measure
 from rover_pin.simulation.simulate import Progress, simulate
 from rover_pin.simulation.start import Start
+from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.wheel_forces import TorqueTraction
 from rover_pin.terrain.files import write_terrain
 from rover_pin.terrain.terrain import Lanes, Profile
@@ -81,25 +82,7 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
     """
     random, model = np.random.default_rng(seed), declared_model(rover)
     true, effect = hidden_model(model, hidden, random)
-    size, seconds = scale(model.rover), SECONDS * pace(model.rover, model.motor)
-    traces, plans = {}, [_random_duties(random, seconds, len(model.rover.wheels)) for _ in range(RUNS - 2)]
-    # The first two plans are driven twice, so that the scatter of repeats can be measured.
-    for run, plan in enumerate([*plans, *plans[:2]]):
-        # Every second run drives back down the slope, which separates rolling resistance from gravity.
-        start = Start(-0.6 * size, 0.0, 0.0) if run % 2 == 0 else Start(0.7 * size, 0.0, math.pi)
-        # The true model moves the rover, and its sensors add noise to what is logged.
-        driven = simulate(true, plan, seconds, start, measure_error=False)
-        log = measure(driven, Sensors(), int(random.integers(2**31)), true.sensor_effects)
-        # The variance of a random walk grows with time, so each step has an SD of DRIFT sqrt(dt).
-        steps = np.sqrt(np.diff(log.t, prepend=log.t[0]))
-        drifted = {
-            axis: log[axis] + np.cumsum(DRIFT * steps * random.normal(size=len(steps))) for axis in ("body_x", "body_y")
-        }
-        traces[f"run-{run + 1}"] = dataclasses.replace(
-            log, channels={**log.channels, **drifted}, attrs={"start": dataclasses.asdict(start)}
-        )
-        if progress is not None:
-            progress(run + 1.0)
+    traces = measured_runs(true, random, RUNS, progress)
     truth = keep_truth(folder, effect, true.soils[0], {"seed": seed})
     soil = model.soils[0]
     # The log states the soil tests: the stated soil, not the true one, with its standard deviations.
@@ -115,6 +98,36 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
     )
     write_drive_log(folder, traces, metadata)
     return DemoSet((folder / "drive.toml", *(folder / f"{name}.csv" for name in traces)), truth)
+
+
+def measured_runs(
+    true: Model, random: np.random.Generator, count: int, progress: Progress | None = None
+) -> dict[str, Trace]:
+    """Drive the true model with random duties, and return what noisy sensors measure, as a dict from the name of a run
+    to its trace.
+
+    The last two of the `count` runs repeat the first two, so that the scatter of repeats can be measured. Every second
+    run drives back down the slope. `progress` is called with the number of finished runs.
+    """
+    size, seconds = scale(true.rover), SECONDS * pace(true.rover, true.motor)
+    traces, plans = {}, [_random_duties(random, seconds, len(true.rover.wheels)) for _ in range(count - 2)]
+    for run, plan in enumerate([*plans, *plans[:2]]):
+        # Driving back down the slope separates rolling resistance from gravity.
+        start = Start(-0.6 * size, 0.0, 0.0) if run % 2 == 0 else Start(0.7 * size, 0.0, math.pi)
+        # The true model moves the rover, and its sensors add noise to what is logged.
+        driven = simulate(true, plan, seconds, start, measure_error=False)
+        log = measure(driven, Sensors(), int(random.integers(2**31)), true.sensor_effects)
+        # The variance of a random walk grows with time, so each step has an SD of DRIFT sqrt(dt).
+        steps = np.sqrt(np.diff(log.t, prepend=log.t[0]))
+        drifted = {
+            axis: log[axis] + np.cumsum(DRIFT * steps * random.normal(size=len(steps))) for axis in ("body_x", "body_y")
+        }
+        traces[f"run-{run + 1}"] = dataclasses.replace(
+            log, channels={**log.channels, **drifted}, attrs={"start": dataclasses.asdict(start)}
+        )
+        if progress is not None:
+            progress(run + 1.0)
+    return traces
 
 
 def hidden_model(model: Model, hidden: str, random: np.random.Generator) -> tuple[Model, AnyEffect | None]:

@@ -6,9 +6,10 @@ import tomllib
 import numpy as np
 import pytest
 
-from rover_pin.demo import drive_log, rig, slip_slope
+from rover_pin.demo import drive_log, recording, rig, slip_slope
 from rover_pin.demo.hidden import truth_file
 from rover_pin.experiments.slip_slope import SlipSlope
+from rover_pin.importing.import_log import import_log
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.measurements.rig_reading import read_rig_set
 
@@ -76,6 +77,23 @@ def test_motors_and_tracker_of_a_synthetic_drive_are_imperfect(tmp_path):
         [real_run["wheel_rate_ml"] for real_run in ideal]
     )
     assert 1e-4 < abs(ratio - 1.0) < 0.04
+
+
+def test_a_recording_is_imported_as_it_was_driven(tmp_path):
+    """The importer finds each run, and the sensors' numbers, behind the names and units of a logger."""
+    made = recording.write(tmp_path / "made", "SupplySag.R_b=3", 0)
+    assert "SupplySag" not in made.files[0].read_text()
+    import_log(made.files, out=tmp_path / "log")
+    log = read_drive_log(tmp_path / "log")
+    # The same random numbers drive the same rover, in as many runs.
+    random = np.random.default_rng(0)
+    true, _ = drive_log.hidden_model(drive_log.declared_model("nexus6"), "SupplySag.R_b=3", random)
+    driven = drive_log.measured_runs(true, random, recording.RUNS).values()
+    assert len(log.runs) == recording.RUNS
+    for imported, trace in zip(log.runs, driven, strict=True):
+        for channel, error in (("wheel_rate_mr", 1e-4), ("current_rl_A", 1e-6), ("duty_fr", 1e-5), ("battery_V", 1e-3),
+                               ("body_pitch", 1e-4), ("body_z", 1e-5)):  # fmt: skip
+            np.testing.assert_allclose(imported[channel], trace[channel][-len(imported.t) :], atol=error)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from rover_pin.demo import SETS
 
 
 def demo(
-    kind: Annotated[str, typer.Argument(help="rig, drive-log or slip-slope.")],
+    kind: Annotated[str, typer.Argument(help="rig, drive-log, recording or slip-slope.")],
     hidden: Annotated[
         str, typer.Option(help="The hidden effect: EFFECT or EFFECT.name=value, any (chosen at random), or nothing.")
     ] = "any",
@@ -29,7 +29,7 @@ def demo(
     if kind not in SETS:
         raise ParameterError(f"There is no demo '{kind}': {closest(kind, SETS)}")
     if kind == "rig" and rover:
-        raise ParameterError("A rig has no rover: leave --rover out, or make a drive-log or slip-slope.")
+        raise ParameterError("A rig has no rover: leave --rover out, or make a drive-log, recording or slip-slope.")
     folder = out or Path(f"demo-{kind}")
     # A folder with two kinds of data sets would be read as the wrong kind later.
     others = [file for set_kind, file in SETS.items() if set_kind != kind and is_file(folder / file)]
@@ -37,7 +37,7 @@ def demo(
         raise ParameterError(
             f"{folder}: this folder holds a data set of another kind ({others[0]}): name another folder with --out."
         )
-    from rover_pin.demo import drive_log, rig, slip_slope
+    from rover_pin.demo import drive_log, recording, rig, slip_slope
     from rover_pin.demo import hidden as hiding
 
     with alone_in(folder):
@@ -45,6 +45,9 @@ def demo(
             demo_set = rig.write(folder, hidden, seed)
         elif kind == "slip-slope":
             demo_set = slip_slope.write(folder, hidden, seed, rover or "nexus6")
+        elif kind == "recording":
+            with progress("driving", recording.RUNS, silent=as_json) as advance:
+                demo_set = recording.write(folder, hidden, seed, rover or "nexus6", advance)
         else:
             # Only a drive log is simulated drive by drive and takes long enough for a progress bar.
             with progress("driving", drive_log.RUNS, silent=as_json) as advance:
@@ -52,7 +55,5 @@ def demo(
     # The hidden effect is the answer of the exercise, so it is printed only on request.
     answer = {"hidden": demo_set.truth["hidden"]} if tell else {}
     truth = {"truth": str(hiding.truth_file(folder)), **answer}
-    report(
-        {"files": list(map(str, demo_set.files)), **truth, "next": f"rover-pin close-loop {shell_word(folder)}"},
-        as_json,
-    )
+    step = f"import-log {shell_word(demo_set.files[0])}" if kind == "recording" else f"close-loop {shell_word(folder)}"
+    report({"files": list(map(str, demo_set.files)), **truth, "next": f"rover-pin {step}"}, as_json)
