@@ -30,6 +30,11 @@ WORD = r"[-+.\de]+"
 INTERVAL = rf"{NUMBER}[ \w]* \[{NUMBER}[ \w]*, {NUMBER}[ \w]*\]"
 Patterns = dict[str, str]
 """What is printed, by the names of its groups, apart by a space; a number is kept as a number."""
+SAG = {
+    "R_b R_b_low R_b_high": rf"SupplySag.R_b = {INTERVAL}",
+    "before after": rf"held-out battery_V: RMSE {NUMBER} V -> {NUMBER} V",
+}
+"""What a loop finds of a sagging supply: the errors of the bus voltage in volts, as it prints them."""
 
 COMMANDS: dict[str, tuple[tuple[str, ...], Patterns]] = {
     "smooth_wheel": (("rover-pin close-loop cmu-smooth-wheel",), {
@@ -40,14 +45,12 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Patterns]] = {
         "anew": rf"of all hypotheses together: drawbar pull {WORD} N, sinkage {NUMBER} mm",
         "pressing pressing_low pressing_high": rf"rig.pressing_scale = {INTERVAL}",
     }),
-    "supply": ((
+    "supply": (("rover-pin demo drive-log --hidden SupplySag.R_b=3", "rover-pin close-loop demo-drive-log"), SAG),
+    "recording": ((
         "rover-pin demo recording --hidden SupplySag.R_b=3",
         "rover-pin import-log demo-recording/recording.csv --out my-log",
         "rover-pin close-loop my-log",
-    ), {
-        "R_b R_b_low R_b_high": rf"SupplySag.R_b = {INTERVAL}",
-        "before after": rf"held-out battery_V: RMSE {NUMBER} \w?V -> {NUMBER} mV",
-    }),
+    ), SAG),
     "ditch": (("rover-pin drive ditch --set duration=30",), {"speed": rf"drives on at {NUMBER} m/s"}),
     "table_1_ditch": (("rover-pin drive ditch --soil table-1",), {"x t": rf"stuck at x = {NUMBER} m since {NUMBER} s"}),
     "paper_flat": (("rover-pin drive flat --soil table-1 --set form=net",), {

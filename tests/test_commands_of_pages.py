@@ -24,7 +24,7 @@ FILES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").g
 spec = importlib.util.spec_from_file_location("keep_numbers", ROOT / "docs" / "keep_numbers.py")
 keeper = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(keeper)
-KEPT = {"python studies/close_the_loop.py", "rover-pin close-loop my-log"}
+KEPT = {"python studies/close_the_loop.py", "rover-pin close-loop demo-drive-log", "rover-pin close-loop my-log"}
 """Minutes, and run every night with their numbers compared."""
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in FILES}
 COMMAND = re.compile(r"`((?:rover-pin |python studies/)[^`]*|studies/[\w./]+\.py)`")
@@ -51,6 +51,7 @@ NEEDS = {
     "rover-pin drive ditch --model out/close_loop/posterior": ("rover-pin close-loop cmu-smooth-wheel",),
     "rover-pin improve out/close_loop --study studies/tune_onboard.toml": ("rover-pin close-loop cmu-smooth-wheel",),
     "rover-pin drive ditch --model out/close_loop/model.toml": ("rover-pin close-loop cmu-smooth-wheel",),
+    "rover-pin close-loop demo-drive-log": ("rover-pin demo drive-log --hidden SupplySag.R_b=3",),
     READ: (RECORDED,),
     "rover-pin close-loop my-log": (RECORDED, READ),
     "rover-pin compare out/drive/log other/log": OTHER,

@@ -17,13 +17,15 @@ from rover_pin.version import __version__
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
-SMOOTH, TETHER = "commands.smooth_wheel", "commands.tether"
+SMOOTH, SUPPLY = "commands.smooth_wheel", "commands.supply"
 CLAIMS = [
     f"sinkage error falls from {{{{ dec({SMOOTH}.before, 1) }}}} mm to {{{{ dec({SMOOTH}.after, 1) }}}} mm",
     f"probabilities {{{{ dec({SMOOTH}.exponent, 2) }}}} (slip-sinkage, n_1 = {{{{ printed({SMOOTH}, 'n_1', 2) }}}})",
     f"and {{{{ dec({SMOOTH}.softening, 2) }}}} (softening)",
     "drives on at {{ commands.ditch.speed }} m/s",
-    f"f_0 = {{{{ dec({TETHER}.f_0, 1) }}}} N [{{{{ dec({TETHER}.f_0_low, 1) }}}}, {{{{ dec({TETHER}.f_0_high, 1) }}}}]",
+    f"R_b = {{{{ dec({SUPPLY}.R_b, 2) }}}} ohm "
+    f"[{{{{ dec({SUPPLY}.R_b_low, 2) }}}}, {{{{ dec({SUPPLY}.R_b_high, 2) }}}}]",
+    f"bus voltage falls from {{{{ sig(1000 * {SUPPLY}.before, 2) }}}} mV to {{{{ sig(1000 * {SUPPLY}.after, 2) }}}} mV",
     "in {{ took['close-loop demo-drive-log'] }} s of CPU",
     "after {{ took['close-loop cmu-smooth-wheel'] }} s of CPU",
     "differs by {{ sig(speed.drive_speed['off [mm]'], 1) }} mm from a drive at a sixteenth",

@@ -69,27 +69,23 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
     random, model = np.random.default_rng(seed), declared_model(rover)
     true, effect = hidden_model(model, hidden, random)
     wheels = [wheel.name for wheel in model.rover.wheels]
-    joints = tuple(model.rover.angles)
     tables, begin = [], 0.0
     for trace in measured_runs(true, random, RUNS, progress).values():
-        tables.append(recorded_columns(trace, wheels, joints, begin))
+        tables.append(recorded_columns(trace, wheels, begin))
         begin += float(trace.t[-1]) + PAUSE
     rows = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
     truth = keep_truth(folder, effect, true.soils[0], {"seed": seed})
     return DemoSet((replace_file(folder / SETS["recording"], columns_text(rows)),), truth)
 
 
-def recorded_columns(trace: Trace, wheels: Sequence[str], joints: Sequence[str], begin: float) -> dict[str, np.ndarray]:
+def recorded_columns(trace: Trace, wheels: Sequence[str], begin: float) -> dict[str, np.ndarray]:
     """Return a run as columns of the recording (rows,): names, units and digits are those of a logger.
 
-    `wheels` and `joints` are the names of the wheels and of the suspension and steering angles, and `begin` is the time
-    of the recording at which the run begins [s].
+    `wheels` are the names of the wheels, and `begin` is the time of the recording at which the run begins [s].
     """
     columns = {"time_ms": np.round(1e3 * (begin + trace.t))}
     for name, (channel, factor) in BODY_COLUMNS.items():
         columns[name] = np.round(factor * trace[channel], 3)
-    for joint in joints:
-        columns[f"angle_{joint}_deg"] = np.round(np.degrees(trace[joint]), 3)
     for name, (channel, factor) in WHEEL_COLUMNS.items():
         columns |= {name.format(wheel): np.round(factor * trace[channel.format(wheel)], 4) for wheel in wheels}
     return columns
