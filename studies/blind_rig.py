@@ -142,7 +142,11 @@ WRONG = {"n": 1.0, "c": 0.0, "phi": 0.6, "k": 0.02}
 
 
 class Hidden(NamedTuple):
-    """The cause to hide: names of listed effects, or one unlisted effect or other law, with seed and kind of noise."""
+    """The cause to hide, with the seed and the kind of the noise.
+
+    The cause consists of effects of the package's catalogue (listed effects), or of one effect that the catalogue lacks
+    (an unlisted effect), or of a listed effect that follows another formula (another law).
+    """
 
     kind: Kind
     hidden: tuple[str, ...]

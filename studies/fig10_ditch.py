@@ -124,7 +124,7 @@ SHOWN = {
 
 
 def main() -> None:
-    """Drive all cases of the map, write the tables and figures, and print the summary."""
+    """Drive all cases of the map of parameters, write the tables and figures, and print the summary."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a map of two sands, two walls and three controls")
     parser.add_argument("--out", type=Path, default=Path("out/fig10_ditch"))

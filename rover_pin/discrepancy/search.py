@@ -285,11 +285,11 @@ class Search:
         return self.beliefs()
 
     def _fit_worthiest(self) -> bool:
-        """Fit the most promising set of causes, and return whether there was one whose estimated score comes near the
-        best score.
+        """Fit the most promising set of causes, and return True; return False, without a fit, if no set has an estimated
+        score near the best score.
 
-        If the set is a pair of causes that was estimated from the fit of the base model, the more promising cause is
-        fitted alone first. This cause may suffice, and its fit gives a better estimate of the pair.
+        If the set is a pair of causes whose score was estimated from the fit of the base model, the more promising
+        cause is fitted alone first. This cause may suffice, and its fit gives a better estimate of the pair.
         """
         # A pair is not fitted before its more promising cause was fitted alone.
         names = self._worthiest()

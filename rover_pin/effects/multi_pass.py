@@ -15,14 +15,16 @@ class MultiPass(Effect):
 
         k_1, k_2 <- (1 + p g) (k_1, k_2),   k <- k / (1 + p g_k)
 
-    k_1 and k_2 are the pressure moduli of Eq (4), and k is the shear displacement of Eq (2). p follows the direction of
+    k_1 and k_2 are the pressure moduli of Eq (4), and k is the shear displacement of Eq (2). g and g_k are their
+    growths per pass [-]. p follows the direction of
     travel: in reverse, the rear wheels are first.
 
     Source: assumed form, linear in the passes; Wong, Theory of Ground Vehicles, for the growth of a rut's stiffness and
     shear modulus with repeated passes. Differs from the paper: all its wheels meet fresh soil. Differs from a rut: the
     ground is not lowered for the wheels that follow, and a wheel that is steered out of the track still counts as
-    following. In the torque and gross forms R stays constant, although compaction would fall (by 15 % for n = 1 and two
-    passes of 30 %).
+    following. In the forms `torque` and `gross` of the traction law, the motion resistance R is a given
+    number, so that it stays constant, although the part of R that compacts the soil would fall (by 15 % for n = 1 and
+    two passes of 30 %).
     """
 
     title: ClassVar[str] = "multi-pass"

@@ -78,4 +78,6 @@ def _refuse_missing_neutral(kind: type[AnyEffect], where: str) -> None:
     if strange:
         names = ", ".join(quantities(kind))
         has = f"it has {names}." if names else "it has none. Is @dataclass(frozen=True) above the class?"
-        raise DataError(f"{where} has a neutral value for '{strange[0]}', but this is not a quantity of it: {has}")
+        raise DataError(
+            f"{where} has a neutral value for '{strange[0]}', but the effect has no quantity of this name: {has}"
+        )

@@ -79,7 +79,7 @@ def tune_gains(
     Parameters
     ----------
     study : TuningStudy or path
-        Free gains, drives and effort: a study's TOML file, or a study that was made in Python.
+        Free gains, drives and number of evaluations: a study's TOML file, or a study that was made in Python.
     out : path, optional
         Folder for gains.toml, tables, figures and finished evaluations. A tuning that was stopped continues from this
         folder.

@@ -144,7 +144,7 @@ def main() -> None:
 
 
 def survivors(room: str, tried: list, tests: list[Path], most: float, folder: Path) -> Iterator[dict]:
-    """Try the changes of one file, and yield those that none of these tests detects."""
+    """Apply each mutation of one file in turn, and yield the mutations that none of the given tests detects."""
     # cosmic-ray counts a run as killed if any test fails or the time is over.
     config = ConfigDict({"timeout": most, "test-command": " ".join(command(tests)), "distributor": {"name": "local"}})
     by_job = {item.job_id: item.mutations[0] for item in tried}

@@ -43,7 +43,11 @@ LUGGED = Surface(0.005, 0.1, 0.74, {
 
 
 class Runs(NamedTuple):
-    """Runs as columns [runs, 1]: speeds of the shearing radius, of travel, ahead and sideways [m/s], load [N]."""
+    """Runs of a wheel rig, as columns of shape [runs, 1].
+
+    The columns are four speeds [m/s] and the wheel load [N]. The speeds are the rim speed at the radius where the sand
+    shears, the speed of travel, and its components along the wheel and across the wheel.
+    """
 
     rim: np.ndarray
     travel: np.ndarray

@@ -44,8 +44,10 @@ class SteppedDrive:
     """
 
     def __init__(self, model: Model, duration: float, start: Start = Start(), timing: Timing = Timing()):
-        self.stop, self.command = "", Command(0.0)
-        "reason why the drive ended, as in the trace; an empty text while the drive continues"
+        self.stop = ""
+        """reason why the drive ended, as in the attribute `stop` of its trace; empty while the drive continues"""
+        self.command = Command(0.0)
+        """command of the present step"""
         # The simulation asks for the command of each sample through this function, and gets the latest one.
         self._drive = set_out(model, lambda reading: self.command, duration, start, timing)
         self._readings = questions(self._drive, duration)

@@ -103,8 +103,8 @@ class Memory:
 
 
 class Recent:
-    """Store in memory of the most recently requested predictions, each found by a digest of everything on which it
-    depends.
+    """A cache, in memory, of the predictions that were requested most recently. Each is found by a digest of everything
+    on which it depends.
 
     The returned arrays are shared and read-only.
 

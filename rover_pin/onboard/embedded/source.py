@@ -139,7 +139,7 @@ class EmbeddedControl:
     stop: StopStuck | None = None
     """stop of a stuck rover, or None"""
     monitor: Monitor | None = None
-    """monitor, or None if the control does not estimate the slip on board"""
+    """monitor that warns of a stuck or buried rover, or None if the control does not estimate the slip on board"""
 
     @property
     def controller(self) -> SlipControl | StopStuck:

@@ -155,8 +155,8 @@ def _joints(rover: Rover, model: pin.Model) -> dict[str, Any]:
 
 
 def _equations(rover: Rover, keyed_model: KeyedModel, rigid_differential: bool, pushed: bool) -> dict[str, Any]:
-    """Return the fields of the struct Drive that describe the equations of motion: the couplings of joints, and the
-    order of the elimination of speeds.
+    """Return the fields of the struct Drive that describe the equations of motion: the couplings between
+    joints, and the order in which the linear solver eliminates the speeds.
     """
     # A rigid differential is a coupling with the ratio -1.
     differential = rover.differential if rigid_differential else None

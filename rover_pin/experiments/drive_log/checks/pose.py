@@ -1,5 +1,5 @@
-"""Checks of the tracked pose in a run: units, heading, pitch, declared start and terrain, and a pose from wheel
-odometry.
+"""Checks of the tracked pose in a run: its units, heading and pitch, whether it agrees with the declared start and
+terrain, and whether it was computed from wheel odometry instead of measured.
 
 Each check is a function of a run and a limit that yields the faults of the run. `log.py` lists all checks with their
 limits.
