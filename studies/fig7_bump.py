@@ -44,8 +44,8 @@ from rover_pin.simulation.trace.trace import Trace
 
 HEIGHT, LENGTH, AT = 0.03, 0.3, 0.5
 REACH = 0.21
-"""Distance from the body's origin to the farthest point at which a wheel can touch the bump [m]: half the wheelbase plus
-the radius of a wheel."""
+"""Distance from the body's origin to the farthest point at which a wheel can touch the bump [m]: half the wheelbase
+plus the radius of a wheel."""
 WIDTHS = {"bump": "full width", "one-sided-bump": "left wheels only"}
 GROUNDS = {0: ("sand", "tab:orange"), 1: ("hard", "tab:blue")}
 Case = tuple[str, int]

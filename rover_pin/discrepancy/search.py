@@ -285,8 +285,8 @@ class Search:
         return self.beliefs()
 
     def _fit_worthiest(self) -> bool:
-        """Fit the most promising set of causes, and return True; return False, without a fit, if no set has an estimated
-        score near the best score.
+        """Fit the most promising set of causes, and return True. If no set has an estimated score near the best
+        score, nothing is fitted, and the result is False.
 
         If the set is a pair of causes whose score was estimated from the fit of the base model, the more promising
         cause is fitted alone first. This cause may suffice, and its fit gives a better estimate of the pair.

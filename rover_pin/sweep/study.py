@@ -116,7 +116,7 @@ class Study:
             raise ParameterError(f"scenario = {self.scenario!r} is not allowed: give the name of one scenario.")
         if not re.fullmatch(r"[A-Za-z0-9][\w.-]*", str(self.name), re.ASCII):
             raise ParameterError(
-                f"name = {self.name!r} is not allowed, because it also names a folder: "
+                f"name = {self.name!r} is not allowed, because the folder of the results gets this name: "
                 "use letters, digits, '-', '_' and '.'."
             )
         # Times in seconds, and whole numbers with their minimum.

@@ -242,8 +242,8 @@ class RigExperiment(Differentiable):
         return (*parameters.values(), *of_rigs)
 
     def reading_errors(self, model: RigModel | JointModel) -> tuple[Parameter, ...]:
-        """Return, as parameters of a fit, the offset and the scale of each reading whose errors the rig.toml of its data
-        set does not declare.
+        """Return, as parameters of a fit, the offset and the scale of each reading whose errors the rig.toml of its
+        data set does not declare.
         """
         numbers_by_set = self._numbers(model).items()
         return tuple(self._named_parameters({name: numbers.reading_errors() for name, numbers in numbers_by_set}))

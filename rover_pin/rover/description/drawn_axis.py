@@ -1,5 +1,5 @@
-"""Check that a wheel's joint turns about the axis of the cylinder that is drawn for its link, and about the symmetry axis
-of the link's inertia.
+"""Check that a wheel's joint turns about the axis of the cylinder that is drawn for its link, and about the symmetry
+axis of the link's inertia.
 
 The axis of the joint, the drawing of its link and the inertia of the link all show the axis of the wheel. If they
 contradict each other, the URDF has an error, and only its author knows which of them is wrong. A frequent error is a
