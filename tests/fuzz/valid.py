@@ -388,7 +388,7 @@ def read_words(folder: Path) -> None:
                 raise DataError("refused by the parser of options, or faults were found") from left
 
 
-def _stopped(scenario: Scenario, progress: object = None) -> None:
+def _stopped(scenario: Scenario, progress: object = None, engine: object = None) -> None:
     raise SystemExit(0)
 
 
