@@ -64,6 +64,7 @@ and that later changes of these defaults do not change it. The duration is alway
 FRICTION = quantities(GearFriction)["tau_c"]._replace(source="adds GearFriction of this torque at the wheel")
 
 
+@brief
 class Origin(NamedTuple):
     """The settings from which a scenario was made, and the objects that were made from them."""
 
