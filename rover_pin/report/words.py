@@ -82,11 +82,15 @@ def with_interval(number: Number) -> str:
     no interval, "(no interval)" stands in its place.
     """
     factor, _ = in_words(number.unit, number.value)
-    value = brief(number.value, number.unit)
     if not math.isfinite(number.low + number.high) or number.low == number.high:
-        return f"{value} (no interval)"
-    ends = f"{value} [{_digits(factor * number.low, 2)}, {_digits(factor * number.high, 2)}]"
-    return ends if number.closed else f"{ends}, limited by its bounds"
+        return f"{brief(number.value, number.unit)} (no interval)"
+    # Two digits, or as many more as make the ends of a narrow interval different.
+    for digits in (2, 3, 4):
+        low, high = (_digits(factor * end, digits) for end in (number.low, number.high))
+        if low != high:
+            break
+    interval = f"{brief(number.value, number.unit, digits)} [{low}, {high}]"
+    return interval if number.closed else f"{interval}, limited by its bounds"
 
 
 def pair(before: float, after: float, unit: str) -> tuple[str, str]:

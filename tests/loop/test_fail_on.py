@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import shlex
 from pathlib import Path
 
@@ -55,7 +56,7 @@ def test_first_screen_comes_first_and_can_be_opened(run, tmp_path, monkeypatch):
     _, out, _ = closed(run, tmp_path, "--open", seed=0, viscous=0.02)
     first, second, third = out.splitlines()[:3]
     assert first == "The model's error comes from viscous friction."
-    assert second.startswith("  viscous friction: 0.020 N m s [")
+    assert re.match(r"  viscous friction: 0\.020\d? N m s \[", second)
     assert "held-out error current" in second
     assert third.startswith("  nothing (base model): ")
     for head in ("believe it because:", "doubt it because:", "next:"):

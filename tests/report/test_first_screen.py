@@ -24,7 +24,7 @@ from rover_pin.report.headline import (
     supporting_reasons,
 )
 from rover_pin.report.verdict_page import answer_section, first_lines, first_screen
-from rover_pin.report.words import Labels, brief, pair
+from rover_pin.report.words import Labels, brief, pair, with_interval
 from rover_pin.simulation.model.effect_files import package_effects
 
 RIG = Labels("at slips that were not fitted", "levels of slip")
@@ -248,6 +248,20 @@ def test_a_terminal_gets_the_same_first_screen(verdict):
 )
 def test_numbers_are_short_and_never_powers_of_ten(value, unit, message):
     assert brief(value, unit) == message
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "closed", "text"),
+    [
+        (3.005, 2.96, 3.049, True, "3.00 ohm [2.96, 3.05]"),
+        (1.5, 0.87, 2.0, True, "1.5 ohm [0.87, 2.0]"),
+        (1.5, 0.87, 2.0, False, "1.5 ohm [0.87, 2.0], limited by its bounds"),
+        (1.5, 1.5, 1.5, True, "1.5 ohm (no interval)"),
+        (1.5, math.nan, math.nan, True, "1.5 ohm (no interval)"),
+    ],
+)
+def test_an_interval_has_as_many_digits_as_its_ends_need(value, low, high, closed, text):
+    assert with_interval(Number("SupplySag.R_b", "ohm", value, low, high, math.nan, closed)) == text
 
 
 def test_two_numbers_have_as_many_digits_as_tell_them_apart():

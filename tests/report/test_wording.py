@@ -187,6 +187,20 @@ def test_held_out_figure_draws_no_unclaimed_change():
     assert list(hollow.get_xdata()) == pytest.approx([2.0])
 
 
+@pytest.mark.parametrize("largest", [1.3, 2.0, 4.9, 9.0, 30.0, 2000.0])
+def test_held_out_figure_has_enough_ticks_however_short_its_axis(largest):
+    made = [
+        ChannelScore(f"channel {at}", "m", 1.0, error, error, 0.0, 0.0, 0.0)
+        for at, error in enumerate((0.9, 1.1, largest))
+    ]
+    axis = heldout_panel(made, False, MANNER).axes[0]
+    low, high = axis.get_xlim()
+    ticks = [tick for tick in axis.get_xticks() if low <= tick <= high]
+    assert 4 <= len(ticks) <= 14
+    texts = [axis.xaxis.get_major_formatter()(tick, 0) for tick in ticks]
+    assert len(set(texts)) == len(texts)
+
+
 def test_study_figure_draws_an_arrow_only_for_a_claimed_change():
     table = pd.DataFrame(
         {"set": "made", "channel": score.name, "noise": score.floor, "held_out_before": score.before,
