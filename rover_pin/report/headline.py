@@ -125,7 +125,7 @@ def _cause_sentences(verdict: Verdict, labels: Labels) -> Iterator[str]:
         sentence = f"{first} predicts held-out data best, and {likely_clause}"
         if others := [name for name in names if name not in (first, likely)]:
             one = len(others) == 1
-            yield f"{sentence}; {listing(others, 'or')} {'is' if one else 'are'} also possible."
+            yield f"{sentence}; {listing(others)} {'is' if one else 'are'} also possible."
             yield f"{sentence}; {len(others)} more {'cause is' if one else 'causes are'} possible."
         yield f"{sentence}."
         yield "the cause that predicts held-out data best is not the most probable cause; the table lists both."
