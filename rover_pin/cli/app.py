@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from rover_pin.base.console import say, warn
-from rover_pin.base.encode import shell_line
+from rover_pin.base.encode import shell_line, shell_word
 from rover_pin.base.errors import NO_ROOM, RoverPinError, one_line
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.results_folder import alone_in, say_what_is_replaced
@@ -149,7 +149,7 @@ def drive(
     if save is not None:
         # Saved before the drive, so that a drive that fails can be repeated too.
         say_what_is_replaced(save.parent, (save.name,))
-        chosen.save(save)
+        log.info("To repeat this drive, run rover-pin drive %s", shell_word(chosen.save(save)))
     # Views of an earlier drive would otherwise be taken for views of this one.
     untouched = [name for name in SEEN if name not in views]
     with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *views), untouched), alone_in(out):
