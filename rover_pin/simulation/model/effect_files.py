@@ -273,19 +273,20 @@ def effect_from(entry: Mapping[str, Any], where: str, folder: Path, trust: Trust
     """
     # Code of a user runs only from a file that is trusted.
     kinds, file = {kind.__name__: kind for kind in package_effects()}, entry.get("file")
-    if file is None and ("package" in entry or entry.get("name") not in kinds):
+    name = text_in(entry, "name", where)
+    if file is None and ("package" in entry or name not in kinds):
         # Other installed packages may offer the effect. A table that names its package accepts no other.
-        offered, package = offered_effects(), entry.get("package")
+        offered, package = offered_effects(), text_in(entry, "package", where) if "package" in entry else None
         sources = {(kind.__name__, one.package) for kind, one in offered.items()}
-        if package is not None and (entry.get("name"), package) not in sources:
+        if package is not None and (name, package) not in sources:
             raise DataError(
-                f"{where}: the effect '{entry.get('name')}' belongs to the package '{package}', but no installed "
+                f"{where}: the effect '{name}' belongs to the package '{package}', but no installed "
                 "package of this name offers it. If you trust the maker of this package, install it."
             )
         kinds |= {kind.__name__: kind for kind in offered}
     if file is not None:
         code = folder / str(file)
-        trust.refuse_code(code, f"{where} {text_in(entry, 'name', where)}".rstrip())
+        trust.refuse_code(code, f"{where} {name}".rstrip())
         kinds |= {kind.__name__: kind for kind in user_effects(code)}
     return effect_among(kinds, entry, where)
 
