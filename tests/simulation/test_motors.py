@@ -15,10 +15,9 @@ from rover_pin.base.quantity import quantity
 from rover_pin.effects.viscous_friction import ViscousFriction
 from rover_pin.rover.forward_dynamics import constraint_rows
 from rover_pin.simulation.compiled.drive_fields import model_with_armature
-from rover_pin.simulation.compiled.kernel import Kernel
+from rover_pin.simulation.engines import ENGINES
 from rover_pin.simulation.model.motor import MOTORS, motor_named
 from rover_pin.simulation.native.shared import GAMMA
-from rover_pin.simulation.plain.step import PlainStepper
 from rover_pin.simulation.start import Start, settled_state
 from rover_pin.simulation.stepping.pace import GROWS
 from rover_pin.simulation.stepping.timing import DT, Timing
@@ -79,7 +78,7 @@ def test_when_12_degrees_are_reached(study, name, at):
     assert study.slope(name, 1.0)["Fig 8: 11.5 deg reached at [s]"] == pytest.approx(at, abs=0.5)
 
 
-@pytest.mark.parametrize("kind", [Kernel, PlainStepper])
+@pytest.mark.parametrize("kind", [engine.stepper for engine in ENGINES.values()], ids=ENGINES)
 @pytest.mark.parametrize("z", [0.05, 0.5, 1.0, 3.0, 8.0, 1000.0])
 def test_a_step_leaves_of_a_motor_s_own_rate_what_the_rule_says(kind, z):
     """A wheel in the air, z time constants of its motor in one step: exp(-z) to second order, and never a ring."""
@@ -105,7 +104,7 @@ class Push(ViscousFriction):
     b_v: float = quantity(0.0, "N m s", "made up", -10.0, 10.0, "b_v")
 
 
-@pytest.mark.parametrize("kind", [Kernel, PlainStepper])
+@pytest.mark.parametrize("kind", [engine.stepper for engine in ENGINES.values()], ids=ENGINES)
 @pytest.mark.parametrize("z", [-3.0, 0.5, 1.2, 1.9, 3.0, 4.5, 6.0])
 def test_growth_is_that_of_what_is_pushed_away(kind, z):
     """A wheel in the air whose rate grows by z in a step: each solve is 1 / (1 - gamma z) of the one before."""
