@@ -10,11 +10,13 @@ class Answer(Enum):
 
     - NAMED: one effect is missing, and the data determine which.
     - SET: an effect is missing, but several sets of effects remain possible.
-    - LIKE: something similar to a known effect is missing; the known effect explains only part of the residual.
+    - LIKE: something similar to a known effect is missing; the known effect explains only part of the residual, or
+      held-out data contradict the evidence for the effect.
     - INADEQUATE: the base model fits only with parameters far from their declared values, or a plain curve that knows
       no physics predicts the data better.
     - NONE_NEEDED: the residual of the base model is noise.
-    - NONE_FITS: the residual exceeds the noise, but no known effect explains it.
+    - NONE_FITS: the residual exceeds the noise, but no known effect explains it, or each effect that explains it
+      predicts held-out data worse than the base model.
     - CANNOT_TELL: something is missing, but the data do not determine even the family of the effect.
     """
 

@@ -8,22 +8,23 @@ the base model with the causes of the answer.
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import is_effect
-from rover_pin.discrepancy.decision import decide, likeliest, sentence
+from rover_pin.discrepancy.confirm import confirmed, declared_fit
+from rover_pin.discrepancy.decision import beyond_noise, likeliest, sentence
 from rover_pin.discrepancy.draft import Draft, draft_of, score_draft
-from rover_pin.discrepancy.held_out_errors import fold_errors, held_out, lost_folds, taken_share
+from rover_pin.discrepancy.held_out_errors import HeldOut, fold_errors, held_out, lost_folds, taken_share
 from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.search import Search, calibrate
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.discrepancy.verdict import Alternative, Side, Verdict
 from rover_pin.estimation.experiment import Differentiable
 from rover_pin.estimation.fit import Fit, again
-from rover_pin.estimation.least_squares import Task
 from rover_pin.estimation.numbers import BOUND_TOLERANCE, Number, implausible
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import NORMAL_95
@@ -88,7 +89,7 @@ def with_next(question: Question, verdict: Verdict, progress: Progress) -> Verdi
     # Another measurement is proposed only if the data leave several sets open.
     if verdict.answer not in (Answer.SET, Answer.CANNOT_TELL) or verdict.beliefs is None:
         return verdict
-    leading = open_sets(verdict.beliefs)
+    leading = open_sets(verdict.deciding_beliefs or verdict.beliefs)
     offers = question.offers([hypothesis for _, hypothesis in leading])
     proposed = next_measurement(leading, offers, progress)
     return verdict if proposed is None else replace(verdict, experiments=(proposed,))
@@ -194,14 +195,22 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
     """Return the verdict that follows from the probabilities of the hypotheses, with intervals of the parameters and
     held-out errors.
     """
+    progress("computing intervals and held-out errors")
+    bare = beliefs.best(()).fit
+    noise = question.experiment.noise() or bare.task.noise
+
+    @cache
+    def held_out_of(hypothesis: Hypothesis) -> HeldOut:
+        return held_out(bare, hypothesis.fit, noise, seed)
+
+    # The evidence proposes an answer, and held-out data confirm it or change it.
+    decision, deciding = confirmed(beliefs, held_out_of)
     # "Before" is the base model (with the wrong declared numbers freed, if nothing else is missing), "after" the kept
     # model.
-    decision = decide(beliefs)
-    base, best = beliefs.best(decision.otherwise), beliefs.best(decision.retained)
-    progress("computing intervals and held-out errors")
-    before = side_of(beliefs, base)
-    after = side_of(beliefs, best) if decision.retained else before
-    errors = held_out(before.fit, after.fit, question.experiment.noise() or before.fit.task.noise, seed)
+    base, best = beliefs.best(decision.otherwise), deciding.best(decision.retained)
+    before = side_of(deciding, base)
+    after = side_of(deciding, best) if decision.retained else before
+    errors = held_out_of(best) if decision.retained else held_out(before.fit, before.fit, noise, seed)
     share = taken_share(errors.channels) if decision.retained else 0.0
     # If nothing is missing but a parameter is far from its declared value, the declared base model is inadequate.
     answer, far = decision.answer, implausible(before.fit)
@@ -219,18 +228,18 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
     vetoes = tuple(f"{number.name} lies at its bound" for number in strained)
 
     # The other possible sets of causes, whose sizes and errors the report compares with those of the kept set.
-    sets = [names for names, _ in likeliest(decision.sets, beliefs) if names and names != decision.retained]
-    rivals = [rival for rival in map(beliefs.best, sets) if rival.is_fitted]
+    sets = [names for names, _ in likeliest(decision.sets, deciding) if names and names != decision.retained]
+    rivals = [rival for rival in map(deciding.best, sets) if rival.is_fitted]
     others = {}
     for rival in rivals:
         sizes = [i for i, parameter in enumerate(rival.fit.parameters) if _is_amplitude(rival, parameter.name)]
-        fitted_sizes = tuple(_number(beliefs, rival, i) for i in sizes)
+        fitted_sizes = tuple(_number(deciding, rival, i) for i in sizes)
         others[" + ".join(rival.names)] = Alternative(fitted_sizes, fold_errors(rival.fit))
     return Verdict(
         question.kind,
         answer,
         question.name,
-        sentence(decision._replace(answer=answer, otherwise=otherwise), beliefs, share, before.misfit),
+        sentence(decision._replace(answer=answer, otherwise=otherwise), deciding, share, before.misfit),
         after.model,
         tuple(records[owner] for owner in owners if is_effect(records[owner])) if decision.retained else (),
         decision.retained,
@@ -243,7 +252,10 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
         {name: " + ".join(sorted(chosen)) for name, chosen in zip(folds, chosen_without(beliefs), strict=True)},
         vetoes,
         lost_folds(errors.channels, question.experiment.no_value),
+        overturned=decision.reasons,
         beliefs=beliefs,
+        deciding=None if deciding is beliefs else deciding,
+        beyond_noise=beyond_noise(decision.retained, beliefs),
         errors_anew=dict(zip(question.experiment.channels, errors_without(beliefs), strict=True)),
         others=others,
     )
@@ -256,11 +268,8 @@ def side_of(beliefs: Beliefs, hypothesis: Hypothesis) -> Side:
     The intervals of the parameters are averaged over all hypotheses that contain the causes of this hypothesis.
     """
     fitted = hypothesis.fit
-    # The misfit is stated in the declared noise, also if the fit used a larger one.
-    noise = hypothesis.experiment.noise()
-    declared = fitted if noise is None else replace(fitted, task=Task(hypothesis.experiment, noise))
     numbers = tuple(_number(beliefs, hypothesis, place) for place in range(len(fitted.parameters)))
-    return Side(fitted.model, numbers, declared.misfit, fitted)
+    return Side(fitted.model, numbers, declared_fit(hypothesis).misfit, fitted)
 
 
 def _number(beliefs: Beliefs, hypothesis: Hypothesis, place: int) -> Number:

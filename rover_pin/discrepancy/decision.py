@@ -4,18 +4,18 @@ Two further rules are in other files: `conclude` rejects a base model whose fitt
 declared values, and `rivals` rejects a model if a plain curve predicts the data better.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import DECLARED
 from rover_pin.estimation.profile import CONFIDENCE, MAJORITY
-from rover_pin.estimation.wording import MAX_NAMED, MIN_MENTIONED
+from rover_pin.estimation.wording import MAX_LISTED, MAX_NAMED, MIN_MENTIONED
 from rover_pin.inference.beliefs import Beliefs
 
 MAX_NOISE_RATIO = 3.0
 """Maximum ratio of a channel's residual to its declared noise. A larger residual counts as unexplained even if it looks
-like noise.
+like noise. The residual of a drive log without declared noise is compared with the scatter of its samples.
 
 The answer is then "none of these" instead of "no effect needed". Noise that was estimated from five repeats is too
 small by this factor only once in 50 cases."""
@@ -32,6 +32,10 @@ class Decision(NamedTuple):
     probable set and add causes to it"""
     otherwise: tuple[str, ...] = ()
     """names of the parameters whose declared values are wrong, if no effect is missing"""
+    reasons: tuple[str, ...] = ()
+    """sentences that state where held-out data contradict the evidence, if they do (see `confirm`)"""
+    basis: str = ""
+    """words for the probabilities that the answer states, if they are not those of the evidence"""
 
 
 def decide(beliefs: Beliefs) -> Decision:
@@ -53,12 +57,9 @@ def decide(beliefs: Beliefs) -> Decision:
     if none + otherwise > MAJORITY:
         if beliefs.families.get(DECLARED, 0.0) > CONFIDENCE:
             return Decision(Answer.INADEQUATE, otherwise=_leading(beliefs)[0])
-        # The residual may also exceed the declared noise without any structure. Learnt noise is never exceeded,
-        # because it was estimated from the residual itself.
-        base = beliefs.best(())
-        leaves = beliefs.leaves_more(()) > MAJORITY or (
-            base.experiment.noise() is not None and max(base.noise_taken.values()) > MAX_NOISE_RATIO
-        )
+        # The residual may also exceed the noise without any structure. Learnt noise was estimated from the residual, so
+        # it is compared with the scatter of the samples, which no model error enlarges.
+        leaves = beliefs.leaves_more(()) > MAJORITY or bool(beyond_noise((), beliefs))
         return Decision(Answer.NONE_FITS if leaves else Answer.NONE_NEEDED)
     # The empty set (nothing is missing) goes last, because rule 3 keeps the first set. Rule 2: no family stands out.
     sets = tuple(sorted(_leading(beliefs), key=lambda names: not names))
@@ -112,6 +113,7 @@ def sentence(decision: Decision, beliefs: Beliefs, share: float, misfit: float) 
         for names, probability in likeliest(decision.sets, beliefs)
     )
     none, unexplained = beliefs.sets.get(frozenset(), 0.0), beliefs.leaves_more(decision.retained)
+    basis = f" {decision.basis}" if decision.basis else ""
 
     # Families of causes are stated if one cause of the family acts more likely than not, even where the data do not
     # determine which one.
@@ -129,25 +131,50 @@ def sentence(decision: Decision, beliefs: Beliefs, share: float, misfit: float) 
         if unlisted > CONFIDENCE
         else "the residual of the base model is noise"
     )
+    # A law that leaves a discrepancy is only similar to the true one; held-out data can show the same (the reasons).
+    leaves = (
+        f", but its law leaves a discrepancy larger than the noise with probability {unexplained:.2f}"
+        if unexplained > MAJORITY
+        else ""
+    )
+    # Channels in which the residual is too large to be noise, whatever the answer is.
+    beyond = beyond_noise_text(beyond_noise(decision.retained, beliefs), usual_noise(beliefs))
+    exceeds = f"is {beyond}" if beyond else f"exceeds the noise (reduced chi-square {misfit:.3g})"
+    none_fits = (
+        "the causes that the data support predict held-out data worse than the base model"
+        if decision.reasons
+        else f"no effect of the list is missing with probability {none:.2f}, but the residual of the base model "
+        f"{exceeds}"
+    )
     words = {
-        Answer.NAMED: f"{retained} is missing with probability {probability:.2f}; it {removes}.",
-        Answer.LIKE: f"something like {retained} is missing (probability {probability:.2f}): {retained} {removes}, but "
-        f"its law leaves a discrepancy larger than the noise with probability {unexplained:.2f}.",
+        Answer.NAMED: f"{retained} is missing with probability {probability:.2f}{basis}; it {removes}.",
+        Answer.LIKE: f"something like {retained} is missing (probability {probability:.2f}{basis}): "
+        f"{retained} {removes}{leaves}.",
         Answer.SET: f"{missing}the data leave open whether it is {listed}; the first {removes}.{discrepancy}",
         Answer.NONE_NEEDED: f"nothing is missing with probability {none:.2f}; {base}.",
-        Answer.NONE_FITS: f"no effect of the list is missing with probability {none:.2f}, but the residual of the base "
-        f"model exceeds the noise (reduced chi-square {misfit:.3g}): something acts that is not on the list.",
+        Answer.NONE_FITS: f"something acts that is not on the list: {none_fits}.",
         Answer.INADEQUATE: "the base model fits the data only with numbers far from their declared values"
         + (f": {', '.join(decision.otherwise)}." if decision.otherwise else "."),
         Answer.CANNOT_TELL: f"something is missing with probability {1.0 - none:.2f}: {listed}.{discrepancy}",
     }[decision.answer]
-    # Last sentence: channels in which the residual is too large to be noise, whatever the answer is.
-    channels = beyond_noise(decision.retained, beliefs).items()
-    ratios = [f"{ratio:.1f} times {usual_noise(beliefs)} in {name}" for name, ratio in channels]
-    unexplained_noise = (
-        f" Something else acts as well: the residual that is taken for noise is {', '.join(ratios)}." if ratios else ""
-    )
-    return words + unexplained_noise
+    is_said = decision.answer is Answer.NONE_FITS and not decision.reasons
+    also = f"Something else acts as well: the residual is {beyond}." if beyond and not is_said else ""
+    return " ".join(filter(None, (words, also, *decision.reasons)))
+
+
+def beyond_noise_text(
+    ratios: Mapping[str, float], noise: str, channel: Callable[[str], str] = lambda name: name
+) -> str:
+    """Return the channels of `beyond_noise` as text, the largest ratio first: "6.0 times the scatter of its samples in
+    wheel_rate_mr"; empty if there is no such channel.
+
+    `ratios` is the result of `beyond_noise`, `noise` that of `usual_noise`, and `channel` returns the words for the
+    name of a channel.
+    """
+    largest_first = sorted(ratios.items(), key=lambda row: -row[1])
+    parts = [f"{ratio:.1f} times {noise} in {channel(name)}" for name, ratio in largest_first[:MAX_LISTED]]
+    others = len(largest_first) - len(parts)
+    return ", ".join(parts) + (f", and more than {MAX_NOISE_RATIO:g} times in {others} more" if others else "")
 
 
 def beyond_noise(names: Sequence[str], beliefs: Beliefs) -> dict[str, float]:

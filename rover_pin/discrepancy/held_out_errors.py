@@ -72,6 +72,9 @@ class ChannelScore(NamedTuple):
     lost: tuple[str, ...] = ()
     """names of the folds that a fit to the other folds cannot predict, before or after causes were added; the errors of
     these folds and of the channel are NaN"""
+    joint_low: float = math.nan
+    """lower end of the interval of the change if the intervals of all channels together have a confidence of 95 %
+    (Bonferroni's bound): above 0, the channel is worse although many channels were compared"""
 
     @property
     def worded(self) -> Change:
@@ -175,7 +178,7 @@ def _channel_scores(
         measured = [side_squares[has_data] for side_squares in squares]
         sums = [_stretch_sums(side).ravel() if experiment.is_timed else side.sum(axis=1) for side in measured]
         # Power 0.5: sums of squares become the ratio of RMS errors.
-        low, high = _change_interval(np.array(sums), 0.5, random)
+        low, high, joint_low = _change_interval(np.array(sums), 0.5, random, len(experiment.channels))
         was, now = (float(np.sqrt(side_squares.sum() / max(int(good[:, row].sum()), 1))) for side_squares in squares)
         # A fold without this channel has no error (NaN), not an error of 0.
         count = good[:, row].sum(axis=1)
@@ -187,7 +190,10 @@ def _channel_scores(
         gone = np.isnan(np.array(squares)).any(axis=(0, 2))
         lost = tuple(fold for fold, is_gone in zip(experiment.folds, gone, strict=True) if is_gone)
         unit, change = experiment.unit(name), now / max(was, 1e-300) - 1
-        scores.append(ChannelScore(name, unit, float(floor[row]), was, now, change, low, high, levels, resampled, lost))
+        interval = change, low, high
+        scores.append(
+            ChannelScore(name, unit, float(floor[row]), was, now, *interval, levels, resampled, lost, joint_low)
+        )
     return tuple(scores)
 
 
@@ -208,15 +214,17 @@ def _run_scores(
         count = max(int(noise.good[fold].sum()), 1)
         sums = losses[:, fold].sum(axis=1)
         # Power 1: the error of a run is a chi2 already, not an RMS.
-        low, high = _change_interval(_stretch_sums(sums), 1.0, random)
+        low, high, _ = _change_interval(_stretch_sums(sums), 1.0, random)
         was, now = (float(total) / count for total in sums.sum(axis=1))
         scores.append(RunScore(run, count, was, now, low, high))
     return tuple(scores)
 
 
-def _change_interval(sums: np.ndarray, power: float, random: np.random.Generator) -> tuple[float, float]:
+def _change_interval(
+    sums: np.ndarray, power: float, random: np.random.Generator, comparisons: int = 1
+) -> tuple[float, float, float]:
     """Return the 95 % interval of the relative change (after / before)^power - 1, by a bootstrap that resamples
-    stretches.
+    stretches, and the lower end of the wider interval for several `comparisons` of which all hold with 95 %.
 
     `sums` (2, stretches) are the sums of the squared residuals of each stretch before and after causes were added. Both
     rows are resampled together, so that the errors are compared on common stretches.
@@ -224,10 +232,11 @@ def _change_interval(sums: np.ndarray, power: float, random: np.random.Generator
     # The same stretches are drawn for both sides, so that their common scatter cancels in the ratio.
     draws = random.integers(0, sums.shape[1], (BOOTSTRAP_DRAWS, sums.shape[1]))
     before, after = sums[:, draws].sum(axis=2)
-    low, high = np.quantile(
-        (after / np.maximum(before, 1e-300)) ** power - 1, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE]
-    )
-    return float(low), float(high)
+    # Bonferroni's bound: the probability of an error is divided by the number of comparisons.
+    tail = 0.5 - 0.5 * CONFIDENCE
+    changes = (after / np.maximum(before, 1e-300)) ** power - 1
+    low, high, joint_low = np.quantile(changes, [tail, 1.0 - tail, tail / comparisons])
+    return float(low), float(high), float(joint_low)
 
 
 def _stretch_sums(values: np.ndarray) -> np.ndarray:

@@ -112,7 +112,16 @@ class Verdict:
     experiments: tuple[NextMeasurement, ...] = ()
     """the most informative next measurement, if several sets of causes remain possible"""
     beliefs: Beliefs | None = field(default=None, repr=False)
-    """probabilities of all hypotheses"""
+    """probabilities of all hypotheses given all data"""
+    deciding: Beliefs | None = field(default=None, repr=False)
+    """probabilities from which the answer follows if held-out data contradict `beliefs`: their averages over the folds,
+    or those of the sets of causes that held-out data do not contradict; None if the answer follows from `beliefs`"""
+    overturned: tuple[str, ...] = ()
+    """sentences that state where held-out data contradict the answer that the evidence alone would give; empty if both
+    agree"""
+    beyond_noise: dict[str, float] = field(default_factory=dict)
+    """residual that is taken for noise in each channel in which it is too large for noise, as a multiple of the
+    declared noise or of the scatter of the samples"""
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     baselines: tuple[Baseline, ...] = field(default=(), repr=False)
     """held-out errors of curves that know no physics, or of odometry"""
@@ -132,6 +141,11 @@ class Verdict:
     """files that were written"""
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
     """versions, seed, duration, and the command that repeats the loop"""
+
+    @property
+    def deciding_beliefs(self) -> Beliefs | None:
+        """Probabilities from which the answer follows; None if none were computed."""
+        return self.deciding if self.deciding is not None else self.beliefs
 
     @property
     def tried(self) -> int:
@@ -246,6 +260,8 @@ class Verdict:
                 "held_out_others": {name: alternative.errors for name, alternative in self.others.items()},
                 "others": {name: _numbers(alternative) for name, alternative in self.others.items()},
                 "vetoes": list(self.vetoes),
+                "overturned": list(self.overturned),
+                "beyond_noise": self.beyond_noise,
                 "cautions": list(self.cautions),
                 "findings": [str(finding) for finding in self.findings],
                 **{name: _numbers(side) for name, side in sides.items()},

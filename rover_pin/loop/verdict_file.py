@@ -22,11 +22,11 @@ def write_results(verdict: Verdict, data: LoopData, request: LoopRequest) -> Ver
     files = data.write_models(verdict.model, out, "model", verdict.sentence)
     # A joint fit has one model per set. Models drawn from its posterior would each be several files, which no command
     # reads, so that they are written for a single model only.
-    if len(files) == 1 and verdict.beliefs is not None:
+    if len(files) == 1 and (beliefs := verdict.deciding_beliefs) is not None:
         folder = out / POSTERIOR
         folder.mkdir(parents=True, exist_ok=True)
         note = f"One of {POSTERIOR_MODELS} models of equal weight, drawn from the posterior distribution."
-        for number, model in enumerate(drawn_models(verdict.beliefs, POSTERIOR_MODELS, request.seed), 1):
+        for number, model in enumerate(drawn_models(beliefs, POSTERIOR_MODELS, request.seed), 1):
             data.write_models(model, folder, f"{number:02d}", note)
         files.append(folder)
     verdict, draft = write_draft(verdict, request, out)

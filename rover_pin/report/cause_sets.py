@@ -56,7 +56,8 @@ def cause_sets(verdict: Verdict) -> list[CauseSet]:
     # The verdict stores combinations as texts, such as "SlipSinkage + TetherDrag".
     sets = [tuple(names.split(" + ")) if names != "nothing" else () for names in verdict.indistinguishable]
     sets = sets or [verdict.named]
-    listed = likeliest(sets, verdict.beliefs) if verdict.beliefs else [(names, math.nan) for names in sets]
+    beliefs = verdict.deciding_beliefs
+    listed = likeliest(sets, beliefs) if beliefs else [(names, math.nan) for names in sets]
     rows = []
     for names, probability in listed:
         numbers: tuple[Number, ...] = ()

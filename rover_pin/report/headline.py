@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.decision import beyond_noise_text, usual_noise
 from rover_pin.discrepancy.held_out_errors import ChannelScore
 from rover_pin.discrepancy.rivals import is_better
 from rover_pin.discrepancy.verdict import Verdict
@@ -69,14 +70,16 @@ def headline(verdict: Verdict, labels: Labels) -> str:
     if verdict.rival:
         sentence = _rival_sentence(verdict, labels)
     elif verdict.named:
-        sentences = list(_cause_sentences(verdict, labels))
+        sentences = [one.rstrip(".") + _contradictions(verdict) for one in _cause_sentences(verdict, labels)]
         sentence = next((one for one in sentences if len(one.split()) <= MAX_HEADLINE_WORDS), sentences[-1])
     elif answer is Answer.NONE_NEEDED:
         sentence = "no effect needs to be added to the model."
     elif answer is Answer.NONE_FITS:
         channels = [labels.channel(score.name) for score in worst(verdict.scores)[:2]]
         errors = f" in {listing(channels)}" if channels else ""
-        sentence = f"none of the candidate effects explains the errors of the model{errors}."
+        start = "something acts that is not on the list: no candidate explains the errors"
+        sentences = [f"{start}{more}{_contradictions(verdict)}" for more in (errors, "")]
+        sentence = next((one for one in sentences if len(one.split()) <= MAX_HEADLINE_WORDS), sentences[-1])
     elif answer is Answer.INADEQUATE:
         numbers = listing(labels.placed(number.name) for number in far_from_declared(verdict))
         sentence = "the base model fits the data only with numbers far from their declared values"
@@ -85,6 +88,14 @@ def headline(verdict: Verdict, labels: Labels) -> str:
     else:
         sentence = "these data do not show which effect the model lacks."
     return capital(sentence)
+
+
+def _contradictions(verdict: Verdict) -> str:
+    """Return the end of a headline: that something else acts, because a residual is too large to be noise, and that
+    held-out data contradict the evidence; a full stop if neither holds.
+    """
+    beyond = "; something else acts as well" if verdict.beyond_noise and verdict.named else ""
+    return beyond + ("; held-out data contradict the evidence." if verdict.overturned else ".")
 
 
 def _rival_sentence(verdict: Verdict, labels: Labels) -> str:
@@ -164,12 +175,28 @@ def full_answer(verdict: Verdict, labels: Labels) -> str:
     elif answer is Answer.NONE_FITS:
         rival = f"{verdict.rival}; " if verdict.rival else ""
         errors = f"{_largest_errors(verdict, labels)} {labels.unseen}, and " if verdict.scores else ""
-        sentence = f"{rival}{errors}none of the {verdict.tried} candidates explains these errors: {UNUSABLE}."
+        sentence = (
+            f"{rival}something acts that is not on the list: {errors}none of the {verdict.tried} candidates explains "
+            f"these errors; {UNUSABLE}."
+        )
     elif answer is Answer.INADEQUATE:
         sentence = f"{verdict.sentence.rstrip('.')}: {UNUSABLE}."
     else:
         sentence = f"these data do not show which effect the model lacks: {verdict.sentence}"
-    return capital(human(sentence, kinds_of(verdict)))
+    # The sentence of the verdict, which two answers quote, already states what follows here.
+    quotes = answer in (Answer.INADEQUATE, Answer.CANNOT_TELL)
+    more = () if quotes else (_beyond_noise_sentence(verdict, labels), *map(labels.placed, verdict.overturned))
+    return capital(human(" ".join(filter(None, (sentence, *more))), kinds_of(verdict)))
+
+
+def _beyond_noise_sentence(verdict: Verdict, labels: Labels) -> str:
+    """Return the sentence that something acts in addition to the named causes, because a residual is too large to be
+    noise; empty if no residual is, or if nothing was named.
+    """
+    if not (verdict.beyond_noise and verdict.named and verdict.beliefs):
+        return ""
+    ratios = beyond_noise_text(verdict.beyond_noise, usual_noise(verdict.beliefs), labels.channel)
+    return f"Something else acts as well: the residual is {ratios}."
 
 
 def _describe_causes(row: CauseSet, verdict: Verdict, labels: Labels) -> str:

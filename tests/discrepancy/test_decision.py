@@ -82,13 +82,14 @@ def test_what_is_beyond_the_noise_is_told_after_any_answer(text):
     assert "times" not in sentence(decide(quiet), quiet, 0.8, 1.0)
 
 
-def test_small_and_loud_are_said_of_one_noise():
+@pytest.mark.parametrize(("times", "answer"), [(3.8, Answer.NONE_FITS), (2.9, Answer.NONE_NEEDED)])
+def test_learnt_noise_far_above_the_scatter_of_the_samples_is_something_that_acts(times, answer):
     """What acts below the learnt noise is not said to be below that of samples which scatter less."""
-    both = beliefs("- .02 -~ .97 A .01", noise=(1.0, 3.8))
+    both = beliefs("- .02 -~ .97 A .01", noise=(1.0, times))
     for hypothesis_ in both.hypotheses:
         hypothesis_.leaves_more = False
         hypothesis_.experiment = SimpleNamespace(noise=lambda: None)
     statement = sentence(decide(both), both, 0.8, 1.0)
-    assert decide(both).answer is Answer.NONE_NEEDED
-    assert "smaller than" in statement
-    assert re.search(r"3\.8 times .*sinkage", statement)
+    assert decide(both).answer is answer
+    assert ("smaller than" in statement) is (answer is Answer.NONE_NEEDED)
+    assert bool(re.search(r"3\.8 times .*sinkage", statement)) is (answer is Answer.NONE_FITS)

@@ -55,13 +55,35 @@ def test_rig_sentence_states_error_reduction_and_reason(rig):
 
 def test_the_full_answer_states_cause_size_and_confidence(verdict):
     """Numbers with unit and interval are those of the fit; the probability is that of the beliefs."""
-    said = full_answer(verdict, labels_of(verdict))
+    said = full_answer(dataclasses.replace(verdict, beyond_noise={}), labels_of(verdict))
     assert said.startswith("The bus voltage drops with the current that all motors draw (supply sag): R_b = ")
     for number in (number for number in verdict.after.numbers if number.name.startswith("SupplySag.")):
         match = re.search(rf"{number.name.partition('.')[2]} = ([\d.]+) \w+ \[([\d.]+), ([\d.]+)\]", said)
         numbers = tuple(map(float, match.groups()))
         assert numbers == pytest.approx((number.value, number.low, number.high), rel=0.06)
     assert said.endswith(f"with probability {verdict.beliefs.inclusion('SupplySag'):.2f}.")
+
+
+def test_a_residual_beyond_the_noise_is_stated_whatever_was_named(verdict):
+    """Every channel beyond 3 times its noise is something that acts: the largest are named, the others counted."""
+    beyond = {"wheel_rate_fl": 6.04, "path": 3.7, "wheel_rate_fr": 5.1, "body_z": 3.2, "body_roll": 3.1}
+    manner = labels_of(verdict)
+    small, large = (dataclasses.replace(verdict, beyond_noise=ratios) for ratios in ({}, beyond))
+    said = full_answer(large, manner).removeprefix(full_answer(small, manner))
+    assert said.startswith(" Something else acts as well")
+    assert re.findall(r"([\d.]+) times", said) == ["6.0", "5.1", "3.7", "3"]
+    assert manner.channel("wheel_rate_fl") in said
+    assert "2 more" in said
+    assert headline(large, manner) == headline(small, manner).rstrip(".") + "; something else acts as well."
+
+
+@pytest.mark.parametrize("answer", [Answer.LIKE, Answer.SET, Answer.NONE_FITS])
+def test_what_held_out_data_contradict_is_stated(answered, answer):
+    reason = "With all data, TetherDrag has the probability 0.98, but it makes path larger (+70%)."
+    overturned = dataclasses.replace(answered(answer), overturned=(reason,))
+    manner = labels_of(overturned)
+    assert full_answer(overturned, manner).endswith(reason.replace("TetherDrag", "tether drag"))
+    assert headline(overturned, manner).endswith("held-out data contradict the evidence.")
 
 
 def test_the_full_answer_states_the_size_of_each_of_a_set(rig):
@@ -87,7 +109,7 @@ def with_sets(rig, probabilities, others, more=0.0):
     sets = tuple(" + ".join(names) or "nothing" for names in probabilities)
     after = rig.after._replace(numbers=(SINKS,))
     return dataclasses.replace(
-        rig, answer=Answer.SET, beliefs=beliefs, indistinguishable=sets, others=others, after=after
+        rig, answer=Answer.SET, beliefs=beliefs, indistinguishable=sets, others=others, after=after, beyond_noise={}
     )
 
 

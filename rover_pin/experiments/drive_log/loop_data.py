@@ -188,7 +188,7 @@ class DriveLogData(LoopData):
         odometry = odometry_baselines(experiment, rover)
         verdict = with_draft(verdict, lambda fitted: draft_term(fitted, residual, self.name, progress), seed)
         # The sentence of the verdict names a wheel by its number; a reader also needs the name.
-        action = f"It {residual.best.description}." if verdict.answer is Answer.NONE_FITS else ""
+        action = f"The unlisted cause {residual.best.description}." if verdict.answer is Answer.NONE_FITS else ""
         sentences = " ".join(filter(None, (verdict.sentence, action, ground.sentence if ground else "")))
         verdict = dataclasses.replace(
             verdict,

@@ -16,8 +16,8 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import CLEAR_SDS, NORMAL_95
-from rover_pin.estimation.wording import MAX_NAMED, format_value, interval
-from rover_pin.inference.beliefs import MIN_WRITTEN, Beliefs, Hypothesis
+from rover_pin.estimation.wording import MAX_NAMED, format_value, interval, spread
+from rover_pin.inference.beliefs import MIN_WRITTEN, Beliefs, Hypothesis, held_out_gain
 from rover_pin.inference.cause import SIZE_SD, Cause
 from rover_pin.report.page import CHOSEN, Picture, Row, Section, Table
 from rover_pin.report.svg import AFTER, GREY
@@ -58,7 +58,11 @@ def causes_section(verdict: Verdict, labels: Labels) -> Section | None:
         if probability > MIN_WRITTEN:
             words = listing(full(name, kinds, labels) for name in sorted(names)) or "nothing"
             is_fitted = beliefs.best(tuple(names)).is_fitted
-            cells = words, f"{probability:.3f}", f"{beliefs.leaves_more(names):.2f}" if is_fitted else ESTIMATED
+            gain = held_out_gain(beliefs, names)
+            scatter = spread(gain.scatter) if math.isfinite(gain.scatter) else ""
+            held_out = f"{gain.total:.3g}{scatter}" if names else "0"
+            more = f"{beliefs.leaves_more(names):.2f}" if is_fitted else ESTIMATED
+            cells = words, f"{probability:.3f}", more, held_out
             combinations.append(Row(cells, CHOSEN * (names == frozenset(verdict.named))))
     # The choice when parts of the data are left out, and the errors of all hypotheses together on these parts.
     repeated = capital(human(f"{verdict.chosen_again}.", kinds))
@@ -74,7 +78,12 @@ def causes_section(verdict: Verdict, labels: Labels) -> Section | None:
         "estimated": not all(hypothesis.is_fitted for hypothesis in beliefs.hypotheses),
         "causes": Table(("cause", "probability", "its size, if it acts"), tuple(causes), "Causes"),
         "sets": Table(
-            ("causes that act together", "probability", "probability that more than noise remains"),
+            (
+                "causes that act together",
+                "probability",
+                "probability that more than noise remains",
+                f"rise of the log probability of held-out {labels.folds}",
+            ),
             tuple(combinations),
             "Combinations of causes",
         ),

@@ -1,0 +1,180 @@
+"""Confirm the answer of the evidence on held-out data, and change the answer where the two disagree.
+
+The evidence compares the causes by the probability of all data. Held-out data show whether the same causes are chosen
+and predict better if a fold (group of samples left out together, such as a run) is not used. A name needs both.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from scipy.stats import t as student
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.decision import Decision, decide
+from rover_pin.discrepancy.held_out_errors import ChannelScore, HeldOut, taken_share
+from rover_pin.discrepancy.rivals import is_better
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.least_squares import Task
+from rover_pin.estimation.profile import CONFIDENCE, MAJORITY
+from rover_pin.estimation.wording import Outcome, share
+from rover_pin.inference.beliefs import Beliefs, Hypothesis, across_folds, chosen_without, excluding, held_out_gain
+
+MAX_CHI_SQUARE = 3.0
+"""Reduced chi2 of the model with the kept causes, above which a single fold that chooses other causes suffices to
+replace the probabilities by their averages over the folds.
+
+Probabilities are computed as if the residual were noise. At a reduced chi2 of 3, two thirds of the squared residual are
+not the declared noise, so that the probabilities given all data are too close to 0 and 1."""
+
+
+class Confirmation(NamedTuple):
+    """The answer after the comparison with held-out data, and the probabilities from which it follows."""
+
+    decision: Decision
+    beliefs: Beliefs
+    """probabilities of the hypotheses from which the answer follows: those of the evidence, or their averages over the
+    folds, or those of the sets of causes that held-out data do not contradict"""
+
+
+def confirmed(beliefs: Beliefs, held_out_of: Callable[[Hypothesis], HeldOut]) -> Confirmation:
+    """Return the answer that the evidence and the held-out data give together.
+
+    1. If the answer names causes, but more than half of the folds drop them (another set is most probable without the
+    fold), or one fold drops them and the reduced chi2 exceeds MAX_CHI_SQUARE, the answer follows from the probabilities
+    that are averaged over the folds. If nothing is most probable on average, it is SET: these causes or nothing. LIKE
+    needs more than half of the folds to change; otherwise only its probability is the average.
+
+    2. The kept causes fail if they lower the log predictive density of the held-out folds by more than its scatter, or
+    if a channel is worse on held-out data while no held-out error is removed in total. The answer then follows from the
+    remaining sets: LIKE instead of NAMED, because the evidence speaks for another set, and NONE_FITS if no cause
+    remains.
+
+    3. If a channel is worse, but held-out error is removed in total, the answer is LIKE instead of NAMED.
+
+    Parameters
+    ----------
+    beliefs : Beliefs
+        Probabilities of all hypotheses given all data.
+    held_out_of : function
+        Takes the hypothesis of a set of causes and returns its held-out errors, compared with those of the base model.
+    """
+    evidence = decision = decide(beliefs)
+    deciding, reasons, basis = beliefs, [], ""
+    # Rule 1: a name must not depend on a few folds.
+    stands_alone = decision.answer in (Answer.NAMED, Answer.LIKE)
+    dropping = _dropping_choices(beliefs, decision.retained) if stands_alone else []
+    most_drop = len(dropping) > MAJORITY * len(chosen_without(beliefs))
+    is_far = bool(dropping) and declared_fit(beliefs.best(decision.retained)).misfit > MAX_CHI_SQUARE
+    if most_drop or is_far:
+        reasons.append(_reason_of_folds(beliefs, decision.retained, dropping))
+        deciding, basis = across_folds(beliefs), "on average over the folds"
+        # LIKE already states that the law leaves a discrepancy; a few folds change its probability only.
+        if most_drop or decision.answer is Answer.NAMED:
+            decision = decide(deciding)
+        if decision.answer in (Answer.NONE_NEEDED, Answer.NONE_FITS):
+            decision = Decision(Answer.SET, evidence.retained, (evidence.retained, ()))
+    # Rules 2 and 3: the kept causes must predict. The set that fails is left out, and the next one is tested.
+    while decision.retained and (kept := deciding.best(decision.retained)).is_fitted:
+        scores = held_out_of(kept).channels
+        loss, worse, removed = _sure_loss(beliefs, kept.names), worse_channels(scores), taken_share(scores)
+        if not loss and not worse:
+            break
+        reason = _reason_of_errors(beliefs, kept.names, loss, worse, removed)
+        if not loss and removed > 0:
+            reasons += [reason] if decision.answer is Answer.NAMED else []
+            decision = decision._replace(answer=_weaker(decision.answer))
+            break
+        reasons.append(reason)
+        deciding, basis = excluding(deciding, kept.names), "among the causes that held-out data do not contradict"
+        decision = decide(deciding)
+        decision = decision._replace(answer=_weaker(decision.answer))
+    # No cause remains: something acts if the evidence is certain of it, and otherwise the question stays open.
+    is_open = beliefs.sets.get(frozenset(), 0.0) > 1.0 - CONFIDENCE
+    if reasons and decision.answer is Answer.NONE_FITS and is_open:
+        decision, deciding, basis = Decision(Answer.CANNOT_TELL, sets=evidence.sets), beliefs, ""
+    return Confirmation(decision._replace(reasons=tuple(reasons), basis=basis), deciding)
+
+
+def declared_fit(hypothesis: Hypothesis) -> Fit:
+    """Return the fit of a hypothesis with the declared noise, in which its reduced chi2 is stated.
+
+    The fit itself may have used a larger noise. If no noise is declared, the fit is returned unchanged.
+    """
+    noise = hypothesis.experiment.noise()
+    return hypothesis.fit if noise is None else replace(hypothesis.fit, task=Task(hypothesis.experiment, noise))
+
+
+def worse_channels(scores: Sequence[ChannelScore]) -> list[ChannelScore]:
+    """Return the channels that the kept causes predict worse than the base model on held-out data, the worst first.
+
+    The base model is a rival of the kept model: its error must be visibly smaller (`rivals.is_better`), and smaller by
+    more than the scatter between folds or stretches of runs. Many channels are compared, so that the interval of the
+    change holds for all of them together. A channel of which a fold is no longer predicted at all is worse, too.
+    """
+    lost = [score for score in scores if math.isnan(score.after) and not math.isnan(score.before)]
+    grown = [
+        score
+        for score in scores
+        if score.worded.outcome is Outcome.WORSE
+        and score.joint_low > 0
+        and is_better(score.before, score.floor, score.after)
+    ]
+    return [*lost, *sorted(grown, key=lambda score: -score.change)]
+
+
+def _dropping_choices(beliefs: Beliefs, names: Sequence[str]) -> list[frozenset[str]]:
+    """Return the choice of each fold that drops the causes `names`: the set that is most probable without this fold, if
+    it does not contain all of them.
+    """
+    return [chosen for chosen in chosen_without(beliefs) if not set(names) <= chosen]
+
+
+def _sure_loss(beliefs: Beliefs, names: Sequence[str]) -> float:
+    """Return by how much the causes `names` lower the log predictive density of the held-out folds [nats]; 0 if they do
+    not lower it by more than its scatter between folds (Student's t test, two-sided at 95 %).
+    """
+    gain, folds = held_out_gain(beliefs, names), len(chosen_without(beliefs))
+    if folds < 2:
+        return 0.0
+    reach = student.ppf(0.5 + 0.5 * CONFIDENCE, folds - 1) * gain.scatter
+    return -gain.total if gain.total + reach < 0.0 else 0.0
+
+
+def _weaker(answer: Answer) -> Answer:
+    """Return the answer that remains of an answer of the evidence if held-out data contradict the evidence."""
+    return {Answer.NAMED: Answer.LIKE, Answer.NONE_NEEDED: Answer.NONE_FITS}.get(answer, answer)
+
+
+def _reason_of_folds(beliefs: Beliefs, names: Sequence[str], dropping: Sequence[frozenset[str]]) -> str:
+    """Return the sentence that states how many folds drop the causes `names`, and what they choose (`dropping`)."""
+    choices = [" + ".join(sorted(chosen)) or "nothing" for chosen in dropping]
+    others = [f"{choice} in {choices.count(choice)}" for choice in dict.fromkeys(choices)]
+    return (
+        f"With all data, {' + '.join(names)} is most probable, but another set is most probable without {len(choices)} "
+        f"of the {len(chosen_without(beliefs))} folds, each left out alone ({', '.join(others)}); the stated "
+        "probabilities are averages over the folds."
+    )
+
+
+def _reason_of_errors(
+    beliefs: Beliefs, names: Sequence[str], loss: float, worse: Sequence[ChannelScore], removed: float
+) -> str:
+    """Return the sentence that states why held-out data contradict the causes `names`.
+
+    `loss` is the decrease of the log predictive density of held-out data [nats], `worse` are the channels that are
+    predicted worse, and `removed` is the fraction of the held-out error that the causes remove.
+    """
+    probability = beliefs.probability(lambda hypothesis: set(names) <= set(hypothesis.names))
+    facts = []
+    if loss:
+        facts.append(f"lowers the log probability of the held-out data by {loss:.2g}")
+    if worse:
+        change = "it is not predicted any more" if math.isnan(worse[0].after) else share(worse[0].change)
+        more = f", and of {len(worse) - 1} more" if len(worse) > 1 else ""
+        facts.append(f"makes the held-out error of {worse[0].name} larger ({change}){more}")
+    return (
+        f"With all data, {' + '.join(names)} has the probability {probability:.2f}, but it {' and '.join(facts)}; "
+        f"in total it removes {removed:.0%} of the held-out error."
+    )
