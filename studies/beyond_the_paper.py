@@ -64,9 +64,11 @@ from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.study import DriveCase, SlipLaw
 
 TRAINING, HELD_OUT, BOUND = 50.0, 100.0, 60.0
-"""Durations of training, held-out and bound drives [s]. They are long, so that a rover that crawls has time."""
+"""Durations of the drives [s]: drives for the tuning (TRAINING), held-out drives for the comparison of the controls
+(HELD_OUT), and drives for the upper bound of what any control can reach (BOUND). The drives are long, so that a slow
+rover has time to reach the goal."""
 GOAL = {"ditch": 0.95, "incline": 1.5}
-"""Position of the base that counts as a pass [m]: 0.25 m behind the ditch, 1 m up the incline."""
+"""Position of the base from which a drive counts as passed [m]: 0.25 m behind the ditch, or 1 m up the incline."""
 COST = Cost(sinkage=0.0)
 """Cost without a sinkage term, because no wheel digs in these drives."""
 BOUNDS = {
@@ -77,7 +79,8 @@ BOUNDS = {
 OWN = ("tacking", "tacking, full duty")
 CONTROLS = ("constant 0.55", "constant 1", "paper, Eq 9", "paper, Eq 9, tuned", "paper, true slip", *OWN)
 TUNED = Gains(S_d=0.8558, k_p=0.03928, k_i=0.2037)
-"""Gains for Eq 9 from a tuning on ditches, slopes and a bump in which no wheel dug."""
+"""Gains of the slip control that estimates the slip with Eq (9). They come from a tuning on ditches, slopes and a bump,
+in whose sand no wheel digs a hole."""
 LOOKS = {
     (True, True): ("tacking and constant 0.55 pass", "o", 0),
     (True, False): ("tacking only", "*", 2),
@@ -85,7 +88,7 @@ LOOKS = {
     (False, False): ("neither", "x", 3),
 }
 STRETCHES = 3
-"""Number of duties of one axle in an open-loop profile."""
+"""Number of duties, one after the other, that each axle has in an open-loop profile."""
 
 
 def main() -> None:
@@ -112,13 +115,13 @@ def main() -> None:
 
 
 def said(stage: str, done: int, total: int) -> None:
-    """Print the end of a stage."""
+    """Print a line when all jobs of a stage of the tuning or of the comparison are done."""
     if done == total:
         print(f"{stage}: {done}", flush=True)
 
 
 def drive(case: DriveCase, controller: Any, symmetric: bool = False) -> Trace:
-    """Return the trace of a drive under a controller."""
+    """Return the trace of a simulated drive under a controller."""
     scene = build(case)
     return simulate(scene.model, controller, scene.duration, scene.start, scene.timing, symmetric=symmetric)
 
@@ -134,7 +137,9 @@ def controller(case: DriveCase, name: str, law: Tacking) -> Any:
 
 
 def judged(case: DriveCase, name: str, law: Tacking) -> list[float]:
-    """Return the Score, the final x [m], and the time at which the goal was reached [s] (NaN: never)."""
+    """Return three results of a drive: its Score, the final x [m], and the time at which the rover reached the goal
+    [s]. The time is NaN if the rover never reached the goal.
+    """
     trace = drive(case, controller(case, name, law), symmetric=not name.startswith("tacking"))
     score = score_trace(trace, build(case).model, build(case).duration)
     there = trace.t[trace["body_x"] > GOAL[case.scenario]]
@@ -145,7 +150,7 @@ def tuned(evaluations: Evaluations, training: tuple[DriveCase, ...], population:
     """Return the best tacking law of differential evolution on the full rover."""
 
     def law_at(place: np.ndarray) -> Tacking:
-        """Return the law at a point of the search space."""
+        """Return the tacking law whose parameters are the coordinates of a point of the search space."""
         return Tacking(**{name: float(value) for name, value in zip(BOUNDS, place, strict=True)})
 
     def costs(places: np.ndarray) -> np.ndarray:
@@ -188,12 +193,14 @@ class Profile:
 
 
 def farthest(case: DriveCase, duties: tuple[float, ...]) -> list[float]:
-    """Return the maximum x of the base [m] under a profile, as a list of one number."""
+    """Drive open loop with a profile of duties, and return the maximum x of the base [m] as a list of one number."""
     return [float(np.max(drive(case, Profile(duties), symmetric=True)["body_x"]))]
 
 
 def bounded(evaluations: Evaluations, cases: list[DriveCase], population: int, generations: int) -> pd.DataFrame:
-    """Return, for each drive, the best result of a straight drive with the whole ground known."""
+    """Return, for each drive, the best result of a straight drive whose duties are chosen with knowledge of the whole
+    ground in advance.
+    """
     rows = []
     for case in cases:
         # On an incline the maximum pull decides; in a ditch the order of the axles matters as well.
@@ -208,7 +215,9 @@ def bounded(evaluations: Evaluations, cases: list[DriveCase], population: int, g
 
 
 def steepest(case: DriveCase) -> float:
-    """Return the grade [deg] beyond which no duty climbs 1 m in time, with all wheels at the peak of F."""
+    """Return the slope [deg] above which no duty climbs 1 m within the duration of a drive, even if every wheel has the
+    slip of the largest traction factor F.
+    """
     model = build(case).model
     law = model.effect(SoilTraction)
     S = np.linspace(0.0, 1.0, 201)
@@ -225,7 +234,9 @@ def steepest(case: DriveCase) -> float:
 
 
 def best_profile(evaluations: Evaluations, case: DriveCase, population: int, generations: int) -> float:
-    """Return the maximum x [m] of open-loop duties found with the whole ground known."""
+    """Return the maximum x [m] that the best open-loop profile of duties reaches. The search for this profile knows the
+    whole ground.
+    """
     size = 3 * STRETCHES
     case = dataclasses.replace(case, settings=tuple(sorted({**dict(case.settings), "duration": BOUND}.items())))
     first = np.random.default_rng(4).uniform(-1.0, 1.0, (population, size))
@@ -244,7 +255,9 @@ def best_profile(evaluations: Evaluations, case: DriveCase, population: int, gen
 
 
 def report(results: pd.DataFrame, law: Tacking, bounds: pd.DataFrame) -> str:
-    """Return the report: passes, wins, losses and ties."""
+    """Return the report as text: number of passed drives of each control, and its wins, losses and ties in the
+    comparison.
+    """
     passed = results.pivot(index="drive", columns="control", values="passed")
     kinds = results.drop_duplicates("drive").set_index("drive").kind
     degrees = [math.degrees(law.heading), math.degrees(law.alert)]
@@ -268,7 +281,9 @@ def report(results: pd.DataFrame, law: Tacking, bounds: pd.DataFrame) -> str:
 
 
 def outcomes(axis: Any, kind: str, cases: tuple[DriveCase, ...], passed: pd.DataFrame) -> None:
-    """Draw which controls pass which drives of one kind, over k and the angle of the ground."""
+    """Draw, for the drives of one kind (ditch or incline), the controls that pass each drive, against the shear
+    displacement k and the angle of the ground.
+    """
     spots: dict[tuple[bool, bool], list[tuple[float, float]]] = {pair: [] for pair in LOOKS}
     # One point for each drive, grouped by the controls that pass it.
     for case in (candidate for candidate in cases if candidate.scenario == kind):

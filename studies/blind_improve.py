@@ -53,7 +53,9 @@ RESULTS = Path(__file__).parent / "results"
 
 
 class Row(NamedTuple):
-    """One set: the hidden effect, the predicted gain with its interval, and the true gain."""
+    """Result for one simulated data set: the hidden effect, the gain that `improve` predicts for its control, with its
+    interval, and the true gain.
+    """
 
     seed: int
     hidden: str
@@ -63,11 +65,13 @@ class Row(NamedTuple):
     true: float
     is_certain: bool
     keeps: bool
-    """Whether `improve` advises constant duty."""
+    """Whether the command `improve` advises to keep the constant duty instead of a slip control."""
 
 
 def main() -> None:
-    """Generate the sets, improve on each, drive the truth, and write and print the results."""
+    """Generate the data sets, tune a control with `improve` on each set, drive this control on the true model, and
+    write and print the results.
+    """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one set, two short drives: shows that it runs")
     parser.add_argument("--sets", type=int, default=40)
@@ -102,7 +106,7 @@ def quick() -> TuningStudy:
 
 
 def improved(seed: int, study: TuningStudy) -> Row:
-    """Return the row of one set."""
+    """Return the result of the study for one data set."""
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder) / "log"
         data.mkdir()
@@ -120,7 +124,9 @@ def improved(seed: int, study: TuningStudy) -> Row:
 
 
 def true_gain(study: TuningStudy, law: SlipLaw) -> float:
-    """Return the mean cost that a law saves on the held-out drives against constant duty."""
+    """Return the true gain of a control law: the mean cost of the held-out drives at constant duty, minus their mean
+    cost under this law.
+    """
     saved = []
     for at, case in enumerate(study.held_out):
         # Both controls meet the same noise, so that only the control differs.
@@ -133,7 +139,9 @@ def true_gain(study: TuningStudy, law: SlipLaw) -> float:
 
 
 def judged(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the table with two more columns: interval contains the true gain, and harm."""
+    """Return the table with two more columns: whether the interval contains the true gain, and whether the advised
+    control does harm.
+    """
     inside = table["true"].between(table["low"], table["high"])
     return table.assign(inside=inside, harms=~table["keeps"] & (table["true"] < -MIN_COST_CHANGE))
 

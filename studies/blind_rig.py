@@ -62,14 +62,16 @@ from rover_pin.simulation.model.effect_files import known_effects
 GENERATOR = Path(__file__).parents[1] / "tests" / "oracle" / "rig_generator.py"
 
 CALIBRATION, REPORTED = 10_000, (91_000, 92_000)
-"""First seeds of the calibration sets, on which limits were set, and of the reported sets.
+"""First seeds of the simulated data sets: of the sets on which the limits of the search were calibrated (CALIBRATION),
+and of the two series of sets whose scores are reported (REPORTED).
 
-The seeds of the former search were 71_000 at commit b0f411a and 81_000 at 1e0fd52.
-"""
+Earlier versions of the search were tested with the seeds 71_000 at commit b0f411a and 81_000 at 1e0fd52."""
 
 
 class Listed(NamedTuple):
-    """A listed effect by its name in the generator, with the range of its size, drawn on a logarithmic scale."""
+    """An effect of the package's catalogue: its name in the generator of the data, its parameter, and the range of its
+    size. The size is drawn at random on a logarithmic scale.
+    """
 
     hidden: str
     parameter: str
@@ -94,7 +96,9 @@ LISTED = {
     "Ploughing": Listed("ploughing", "a_b", 0.15, 1.5),
     "LugExcavation": Listed("lug_trench", "h_l", 0.0005, 0.005),
 }
-"""Effects that a steady, straight rig on fresh sand shows (not so multi-pass, damping and side shear)."""
+"""Effects of the package's catalogue (called the listed effects) that can be hidden in a set, by class name.
+Multi-pass, damping and side shear are missing, because steady runs of a straight wheel on fresh sand cannot show
+them."""
 
 DIGS = ("SlipSinkage", "SlipSoftening", "DiggingMemory", "LugExcavation")
 OTHER_LAWS = {
@@ -108,12 +112,12 @@ OTHER_LAWS = {
     "early_peak": (0.1, 1.0, ("PeakStress",)),
     "stiff_layer": (0.15, 1.5, ("LoadExponent",)),
 }
-"""Listed causes that follow other laws than the package's: range of sizes, and the listed effects that are right.
+"""Hidden effects that are in the package's catalogue, but follow another formula than the package uses. Name ->
+smallest and largest size, and the effects of the catalogue that count as the right answer.
 
 In order: sinkage by Lyasko's (1 + S) / (1 - S / 2); stiffness that falls with |S|; a hole that levels off; strength
 lost with the shear displacement of each point; a power law of the rate; drag that grows with speed; an exit angle with
-the root of slip; a stress peak at another position; an exponent that rises with depth and levels off.
-"""
+the root of slip; a stress peak at another position; an exponent that rises with depth and levels off."""
 
 OFF_LIST = {
     "slip_squared_drag": (0.03, 0.15),
@@ -124,17 +128,20 @@ OFF_LIST = {
     "sensor_wave": (0.0006, 0.003),
     "second_day": (0.06, 0.4),
 }
-"""Unlisted effects and the ranges of their sizes.
+"""Hidden effects that the package's catalogue does not contain (called unlisted effects). Name -> smallest and largest
+size.
 
 In order: drag with slip squared; sinkage that oscillates with slip; a load cell whose gain drifts from run to run; a
 load cell whose offset depends on the load; a bin floor that acts beyond a depth; a sinkage sensor that oscillates; sand
-that is stiffer on the second day.
-"""
+that is stiffer on the second day."""
 
 COUNTS = {Kind.SINGLE: 7, Kind.PAIR: 24, Kind.NULL: 80, Kind.OFF_LIST: 5, Kind.OTHER_LAW: 7}
-"""Number of sets for each listed effect, of pairs, of nothing, for each unlisted effect, and for each other law."""
+"""Number of simulated data sets by kind. SINGLE: sets for each effect of the catalogue alone; PAIR: sets with two
+effects of the catalogue; NULL: sets without a hidden effect; OFF_LIST: sets for each effect that is not in the
+catalogue; OTHER_LAW: sets for each effect with another formula."""
 UNKIND, ELSE_UNKIND = {Kind.NULL: 0.5}, 0.25
-"""Share of sets whose noise is not white or not of the declared size; ELSE_UNKIND for the other kinds."""
+"""Share of the data sets whose noise is not white, or has another size than declared. UNKIND holds the share of the
+sets without a hidden effect, and ELSE_UNKIND is the share of all other sets."""
 
 SLIPS = (-0.3, -0.15, 0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85)
 FRESH = {"loads": (20.0, 32.0), "slips": (-0.1, 0.05, 0.15, 0.28, 0.42, 0.6, 0.78), "repeats": 1, "speeds": (0.03,)}
@@ -142,7 +149,7 @@ WRONG = {"n": 1.0, "c": 0.0, "phi": 0.6, "k": 0.02}
 
 
 class Hidden(NamedTuple):
-    """The cause to hide, with the seed and the kind of the noise.
+    """The cause that is hidden in one data set, and the seed and the kind of the noise of this set.
 
     The cause consists of effects of the package's catalogue (listed effects), or of one effect that the catalogue lacks
     (an unlisted effect), or of a listed effect that follows another formula (another law).
@@ -155,12 +162,16 @@ class Hidden(NamedTuple):
 
     @property
     def truth(self) -> tuple[str, ...]:
-        """Return the right answer. For another law, any of the returned names is right."""
+        """Return the names of the effects that are the right answer. If the hidden effect follows another formula than
+        the package's, each of the returned names alone is right.
+        """
         return OTHER_LAWS[self.hidden[0]][2] if self.kind is Kind.OTHER_LAW else self.hidden
 
 
 def main() -> None:
-    """Make every set, close the loop on it, and publish the scores."""
+    """Simulate every data set, let the package search for the missing effect in each (`close_the_loop`), and publish
+    the scores of the answers.
+    """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="four sets")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="every Nth set alone, a sample of all kinds")
@@ -178,7 +189,7 @@ def main() -> None:
 
 
 def plan(first: int) -> list[Hidden]:
-    """Return all sets of a test. Seeds are numbered from `first` + 1."""
+    """Return the descriptions of all data sets of a test. Their seeds are numbered from `first` + 1."""
     rng = np.random.default_rng(first)
     truths: list[tuple[Kind, tuple[str, ...]]] = []
     # The order of kinds is fixed, so that a seed always belongs to the same set.
@@ -205,7 +216,9 @@ def generator() -> ModuleType:
 
 
 def case_of(hidden: Hidden) -> Case:
-    """Generate a set, close the loop on it, and then compare the answer with the hidden truth."""
+    """Simulate a data set, let the package search for the missing effect in it, and return the answer with its score.
+    The hidden effect is read only after the answer.
+    """
     make, rng = generator(), np.random.default_rng(hidden.seed)
     sizes = drawn_sizes(hidden, rng)
     rig = make.Rig(sizes=sizes or {"none": 0.0}, **drawn_soil(rng))
@@ -235,7 +248,9 @@ def case_of(hidden: Hidden) -> Case:
 
 
 def drawn_sizes(hidden: Hidden, rng: np.random.Generator) -> dict[str, float]:
-    """Return the generator's sizes of the hidden cause, drawn on a logarithmic scale."""
+    """Return the random sizes of the hidden effects for the generator of the data. They are drawn on a logarithmic
+    scale.
+    """
     if hidden.kind in (Kind.OFF_LIST, Kind.OTHER_LAW):
         low, high, *_ = {**OFF_LIST, **OTHER_LAWS}[hidden.hidden[0]]
         return {hidden.hidden[0]: float(np.exp(rng.uniform(np.log(low), np.log(high))))}
@@ -246,7 +261,9 @@ def drawn_sizes(hidden: Hidden, rng: np.random.Generator) -> dict[str, float]:
 
 
 def drawn_soil(rng: np.random.Generator) -> dict[str, float]:
-    """Return the generator's soil, drawn uniformly (K and k on a logarithmic scale)."""
+    """Return the random soil for the generator of the data. Its constants are drawn uniformly, K and k on a logarithmic
+    scale.
+    """
     draw = rng.uniform(size=6)
     return {
         "n": 0.8 + 0.5 * draw[0],
@@ -259,10 +276,11 @@ def drawn_soil(rng: np.random.Generator) -> dict[str, float]:
 
 
 def oracle_of(folder: Path, hidden: Hidden) -> tuple[RigModel | None, float]:
-    """Return the fitted model of the true effects and their gain in evidence [nats].
+    """Return the fitted model with the true (hidden) effects, and the gain in evidence by these effects [nats].
 
-    For another law, the most probable of the right effects is fitted. The gain is measured against the best set that
-    lacks one of the true effects, when each set is fitted with the noise alone.
+    If the hidden effect follows another formula than the package's, several effects of the catalogue count as right,
+    and the most probable of them is fitted. The gain is the difference to the best set of effects that lacks at least
+    one of the true effects. All sets are fitted with the noise as the only error.
     """
     if hidden.kind in (Kind.NULL, Kind.OFF_LIST):
         return None, -math.inf
@@ -280,7 +298,9 @@ def oracle_of(folder: Path, hidden: Hidden) -> tuple[RigModel | None, float]:
 
 
 def asked(folder: Path) -> Question:
-    """Return the question of the loop for one set, as `close_the_loop` asks it."""
+    """Return the question about one data set: the data, the base model and the effects that may be missing, as
+    `close_the_loop` would pose it.
+    """
     data = read_rig_set(folder)
     return RigData(RigExperiment((data,)), RigModel(data.wheel, data.soil())).question(known_effects())
 
@@ -292,7 +312,9 @@ def exceeds_noise(folder: Path) -> bool:
 
 
 def fitted_sizes(hidden: Hidden, sizes: dict[str, float], verdict: Verdict) -> tuple[Size, ...]:
-    """Return fitted and true sizes if the answer names exactly the hidden effects, else an empty tuple."""
+    """Return the fitted and the true sizes of the hidden effects. The tuple is empty if the answer does not name
+    exactly the hidden effects.
+    """
     # Sizes of unlisted effects and other laws have no counterpart in the package.
     is_listed = hidden.kind in (Kind.SINGLE, Kind.PAIR)
     if not is_listed or {type(effect).__name__ for effect in verdict.effects} != set(hidden.truth):
@@ -306,7 +328,7 @@ def fitted_sizes(hidden: Hidden, sizes: dict[str, float], verdict: Verdict) -> t
 
 
 def error_of(model: RigModel, runs: dict[str, np.ndarray], sd: tuple[float, ...]) -> float:
-    """Return the Huber loss on runs that were not fitted, in units of the noise (1)."""
+    """Return the mean Huber loss of a model on runs that were not fitted. The residuals are divided by the noise."""
     speeds = np.column_stack([runs["travel_speed_mps"], runs["rim_speed_mps"]])
     predicted = model.predict(runs["load_N"], runs["slip"], speeds)
     measured = (runs["drawbar_pull_N"], runs["torque_Nm"], runs["sinkage_m"])

@@ -41,7 +41,7 @@ from rover_pin.discrepancy.answer import Answer
 
 
 class Kind(Enum):
-    """The kind of cause that was hidden in a set."""
+    """The kind of effect that was hidden in a simulated data set."""
 
     SINGLE = "one effect"
     PAIR = "two effects"
@@ -86,29 +86,35 @@ class Size:
 
 @dataclass(frozen=True)
 class Case:
-    """One set of a blind test. An effect's name is the name of its class."""
+    """One data set of a blind test (a test in which the search does not know the hidden effect). An effect's name is
+    the name of its class.
+    """
 
     label: str
     kind: Kind
     truth: tuple[str, ...]
-    """Names of the hidden effects. For another law: every name that is right. For an effect on no list: a label."""
+    """Names of the hidden effects. If the effect follows another formula than the package's, all names that count as
+    right; if the package's catalogue does not contain the effect, a label."""
     answer: Answer
     alike: tuple[tuple[str, ...], ...]
-    """The candidates in the answer, each given by the names of its effects."""
+    """The sets of effects that the answer states as possible, each given by the names of its effects."""
     detectable: bool
     sizes: tuple[Size, ...] = ()
     before: float = math.nan
-    """Held-out loss of the base model, of the model with the answer, and of the model with the true effect refitted."""
+    """Held-out loss of the base model (`before`), of the model with the effects of the answer (`after`), and of the
+    model that was fitted with the true effects (`oracle`)."""
     after: float = math.nan
     oracle: float = math.nan
     inclusion: dict[str, float] = field(default_factory=dict)
     """Probability of each effect that may be active, and of each true effect."""
     acts_besides: bool = False
-    """Whether the answer reports a further, unknown effect next to the named ones."""
+    """Whether the answer reports that an unknown effect acts in addition to the named effects."""
 
     @property
     def told(self) -> bool:
-        """Return whether the answer names anything: alone, in a set, or as the nearest listed effect."""
+        """Return whether the answer names an effect: as the only possible one, as one of several possible ones, or as
+        the effect of the catalogue that is most similar to the unknown effect.
+        """
         return self.answer in (Answer.NAMED, Answer.SET, Answer.LIKE)
 
     @property
@@ -131,7 +137,7 @@ class Case:
 
 
 class Row(NamedTuple):
-    """A share of cases (count of total), and the target share."""
+    """A row of the table of shares: number of cases with a property, number of all cases, and the target share."""
 
     what: str
     count: int
@@ -208,7 +214,9 @@ _better: Callable[[Case], bool] = lambda case: case.after < case.before  # noqa:
 
 
 def quality(cases: Sequence[Case]) -> pd.DataFrame:
-    """Return, for each true effect, the errors of sizes and held-out losses: medians and 90th percentiles."""
+    """Return a table with one row for each true effect: the median and the 90th percentile of the size errors and of
+    the held-out losses.
+    """
     rows = []
     detectable = [case for case in cases if case.detectable and case.kind in (Kind.SINGLE, Kind.PAIR)]
     # One row for each true effect; an effect of a pair enters its own row.
@@ -231,7 +239,9 @@ def _spread(values: Sequence[float]) -> tuple[float, float]:
 
 
 def recovered(cases: Sequence[Case]) -> float:
-    """Return the median of (before - after) / (before - oracle) over the detectable single effects."""
+    """Return the median of (before - after) / (before - oracle) over the sets with one detectable hidden effect: the
+    fraction of the possible improvement that the answer achieves.
+    """
     of = [case for case in cases if case.kind is Kind.SINGLE and case.detectable and case.before > case.oracle]
     return (
         float(np.median([(item.before - item.after) / (item.before - item.oracle) for item in of])) if of else math.nan
@@ -239,7 +249,10 @@ def recovered(cases: Sequence[Case]) -> float:
 
 
 def confusion(cases: Sequence[Case]) -> pd.DataFrame:
-    """Return counts of answers: rows are the true effects (detectable only), columns the first answer."""
+    """Return a table that counts the answers. The rows are the detectable true effects, and the sets without a hidden
+    effect. The first column counts the right answers, and the other columns count all other answers by the first effect
+    that they state, or by their score if they state no effect.
+    """
     counts: Counter[tuple[str, str]] = Counter()
     for case in cases:
         # A cause below the noise says nothing about the names, so it is left out.
@@ -301,7 +314,7 @@ def _flat(case: Case) -> dict[str, object]:
 
 
 def main() -> None:
-    """Score nine invented cases and print and write the tables."""
+    """Score nine invented data sets, and print and write the tables of the scores."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="the same: it takes no time")
     parser.add_argument("--out", type=Path, default=Path("out/blind_score"))

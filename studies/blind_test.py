@@ -62,7 +62,8 @@ from rover_pin.simulation.model.effect_files import known_effects
 
 MAKE = Path(__file__).parents[1] / "tests" / "oracle" / "blind" / "make.py"
 CALIBRATION, REPORTED = 902, 8807
-"""Seeds of the sets on which limits were set, and of the reported sets."""
+"""Seeds of the simulated data sets: of the sets on which the limits of the search were calibrated (CALIBRATION), and of
+the sets whose scores are reported (REPORTED)."""
 KINDS = {
     "single": Kind.SINGLE, "sensor": Kind.SINGLE, "pair": Kind.PAIR, "none": Kind.NULL, "off-list": Kind.OFF_LIST,
     "other-law": Kind.OTHER_LAW,
@@ -71,20 +72,24 @@ OTHER_LAWS = {
     "StribeckFriction": "GearFriction", "SquareSag": "SupplySag", "SpringTether": "TetherDrag",
     "SlopeError": "BentGround",
 }  # fmt: skip
-"""Listed causes that follow other laws than the package's (`make.py --only NAME`), and the effects that are right."""
+"""Hidden effects that are in the package's catalogue, but follow another formula than the package uses. Name (as in
+`make.py --only NAME`) -> effects of the catalogue that count as the right answer."""
 
 
 class Truth(NamedTuple):
-    """The fit of the hidden set, made in the same way as the fits of the search."""
+    """The fit of the model with the hidden effects. The fit is made in the same way as the fits of the search."""
 
     gain: float
-    """Gain in evidence times prior over the best set without all hidden effects [nats]."""
+    """Logarithm of evidence times prior of the hidden effects, minus that of the best set of effects that lacks at
+    least one of them [nats]."""
     loss: float = math.nan
-    """Held-out loss."""
+    """Mean robust loss of the fit on data that were left out of the fit."""
 
 
 def main() -> None:
-    """Generate the sets, close the loop on each, and publish the scores."""
+    """Simulate the data sets, let the package search for the missing effect in each (`close_the_loop`), and publish the
+    scores of the answers.
+    """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one set")
     parser.add_argument("--seed", type=int, default=REPORTED)
@@ -118,7 +123,7 @@ def main() -> None:
 
 
 def case_of(folder: Path, answers: Path) -> Case:
-    """Return the scored answer to one set. The truth is read after the answer."""
+    """Return the answer to one data set, with its score. The hidden effect is read only after the answer."""
     question = asked(folder)
     search = search_of(question, quiet)
     verdict = verdict_of(question, search.beliefs(), quiet)
@@ -149,16 +154,18 @@ def case_of(folder: Path, answers: Path) -> Case:
 
 
 def asked(folder: Path) -> Question:
-    """Return the question of the loop for one set, as `close_the_loop` asks it."""
+    """Return the question about one data set: the data, the base model and the effects that may be missing, as
+    `close_the_loop` would pose it.
+    """
     return DriveLogData(read_drive_log(folder)).question(known_effects())
 
 
 def quiet(message: str) -> None:
-    """Ignore a progress message."""
+    """Ignore a progress message of the search."""
 
 
 def under_of(truth: dict[str, Any]) -> str:
-    """Return the conditions of a set if they are not the plain ones."""
+    """Return the conditions under which a data set was simulated, if they differ from the usual conditions."""
     under = truth.get("under", "plain")
     return "" if under == "plain" else f" ({under})"
 
@@ -171,7 +178,9 @@ def name_of(hidden: dict[str, Any]) -> str:
 
 
 def true_fit(question: Question, search: Search, names: tuple[str, ...]) -> Truth:
-    """Return the true set, fitted as the search fits any set. If nothing shows it, its gain is -inf."""
+    """Return the fit of the model with the hidden effects, made as the search fits any set of effects. If the data show
+    no influence of the hidden effects, the gain is -inf.
+    """
     # The search is restricted to the true effects, so that all of their subsets are fitted.
     true_search, candidates = Search(search.base), question.candidates(search.base)
     true_search.run(signatures(search.base, [candidate for candidate in candidates if plain(candidate.name) in names]))
@@ -188,14 +197,18 @@ def true_fit(question: Question, search: Search, names: tuple[str, ...]) -> Trut
 
 
 def more_than_noise(beliefs: Beliefs) -> float:
-    """Return the gain of the best hypothesis over a base model that leaves only noise [nats]."""
+    """Return the gain in log evidence [nats] of the most probable hypothesis over the hypothesis that the base model is
+    complete and the residual is only noise.
+    """
     rows = zip(beliefs.scores, beliefs.hypotheses, strict=True)
     none = [score for score, hypothesis in rows if not hypothesis.names and hypothesis.discrepancy is Discrepancy.NONE]
     return float(beliefs.scores.max() - max(none))
 
 
 def sizes_of(verdict: Verdict, hidden: list[dict[str, Any]], names: tuple[str, ...]) -> tuple[Size, ...]:
-    """Return fitted and true sizes if the answer names exactly the hidden effects, else an empty tuple."""
+    """Return the fitted and the true sizes of the hidden effects. The tuple is empty if the answer does not name
+    exactly the hidden effects.
+    """
     # A size can be compared only if the answer names exactly the hidden effects.
     if sorted(map(plain, verdict.named)) != sorted(names) or verdict.beliefs is None or verdict.after is None:
         return ()

@@ -65,7 +65,8 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.tuning.evaluations import Evaluations
 
 CUT, CONTACT_ENDS = 0.5, 0.9
-"""Sinkage over wheel radius at which a wheel counts as buried in this study, and at which a drive ends."""
+"""Limits of the sinkage divided by the wheel radius. At CUT a wheel counts as buried in this study, and at CONTACT_ENDS
+the simulation ends the drive."""
 CONTROLS: dict[str, dict[str, Any]] = {
     "none": {},
     "Eq 9": {"control": "eq9"},
@@ -82,10 +83,11 @@ CONTROLS: dict[str, dict[str, Any]] = {
 STARTS, UP = 0.4, 1.0
 """Start of the inclines [m], and distance along x [m] after which an incline counts as climbed."""
 OUT_AT = 0.95
-"""x of the base [m] at which all wheels have left the ditch, whose far lip is at 0.7 m."""
+"""Position x of the base [m] from which all wheels have left the ditch. The far edge of the ditch is at 0.7 m."""
 DURATION = {"incline": 60.0, "ditch": 45.0}
 EVERY = 8
-"""Every EVERY-th drive is repeated at half the step, so that all grounds and controls are covered."""
+"""Every EVERY-th drive is repeated with half the time step, to check the numerical error. With this number, the
+repeated drives include all grounds and controls."""
 FURTHER = 0.01
 """Difference in distance [m] above which one rover counts as having gone further than a buried one."""
 
@@ -175,7 +177,9 @@ def driven(ground: Ground, name: str, *, halved: bool = False) -> Trace:
 
 
 def judged(ground: Ground, name: str, halved: bool) -> list[float]:
-    """Return the Outcome of a drive as a list; all values are NaN if Eq (9) has no table on this sand."""
+    """Return the Outcome of a drive as a list. All values are NaN if the table of steady speeds for Eq (9) cannot be
+    measured on this sand.
+    """
     try:
         trace = driven(ground, name, halved=halved)
     except ParameterError:
@@ -206,7 +210,9 @@ def tabled(jobs: Sequence[tuple[Ground, str, bool]], outcomes: Sequence[Sequence
 
 
 def beside(results: pd.DataFrame, halves: pd.DataFrame) -> pd.DataFrame:
-    """Return the table with the comparison to half the step: equal outcome or not, and difference of final x."""
+    """Return the table of all drives with two more columns for the repeated drives: whether the outcome is the same
+    with half the time step, and the difference of the final x [m].
+    """
     again = results.iloc[::EVERY].reset_index(drop=True)
     is_same = (again.buried.isna() == halves.buried.isna()) & (again.there.isna() == halves.there.isna())
     rows = results.index[::EVERY]
@@ -249,7 +255,9 @@ def inclined(name: str, part: pd.DataFrame) -> str:
 
 
 def ditched(name: str, part: pd.DataFrame) -> str:
-    """Return the report line of one control in the ditches of one sand: rescues and losses against constant duty."""
+    """Return the report line of one control in the ditches of one sand: the drives in which it passes and constant duty
+    does not (rescues), and the opposite (losses).
+    """
     controlled, free = (part[part.control == control].set_index("angle") for control in (name, "none"))
     # A rescue needs constant duty to fail on the same ground; a loss needs it to pass.
     there, base = controlled.there.notna(), free.there.notna()
@@ -291,7 +299,10 @@ def figure(results: pd.DataFrame, file: Path) -> Path:
 
 
 def fates(axis: Axes, results: pd.DataFrame) -> None:
-    """Draw the share of inclines on which each control is buried, climbs, or does neither. Eq 9 may lack a table."""
+    """Draw, for each control, the share of the inclines on which the rover is buried, climbs 1 m, or does neither. The
+    shares may add up to less than 100 % for the control that uses Eq (9), because its table cannot be measured on some
+    sands.
+    """
     part = results[(results.scene == "incline") & (results.c_d > 0.0)]
     # The three outcomes exclude each other, so the bars add up to 100 %.
     shares = {

@@ -164,7 +164,7 @@ def time_out(trace: Trace) -> float:
 
 
 def planned(quick: bool) -> list[tuple[Sand, float, Control]]:
-    """Return the cells of the map: (sand, wall angle [deg], control)."""
+    """Return the cells of the map of results, each given by its sand, its wall angle [deg] and its control."""
     if quick:
         controls = (CONTROLS[0], STORY[2], CONTROLS[-1])
         return [
@@ -202,7 +202,9 @@ def outcomes(plan: list[tuple[Sand, float, Control]], workers: int, csv: Path) -
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return, for each sand, the walls passed without control and the drives that control rescues and loses."""
+    """Return a summary for each sand: the largest wall angle that the rover passes without control, and the numbers of
+    drives in which control rescues the rover, or loses it.
+    """
     rows = []
     for sand, part in table.groupby("sand", sort=False):
         # Each controlled drive is compared with the uncontrolled drive at the same wall angle.
@@ -227,7 +229,7 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def shown() -> dict[str, tuple[Scenario, Trace]]:
-    """Return the drives of the figure: title -> scenario and trace."""
+    """Simulate the drives of the figure, and return them: title -> scenario and trace."""
     cases = {title: case_of(*cell) for title, cell in SHOWN.items()}
     return {title: (case, case.drive()) for title, case in cases.items()}
 

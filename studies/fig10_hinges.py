@@ -82,7 +82,9 @@ CHANGES = (
 
 
 def main() -> None:
-    """Find the window of each change, write table and figure, and print the table."""
+    """Find the window of each change (the wall angles at which control rescues the rover), write the table and the
+    figure, and print the table.
+    """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one change only")
     parser.add_argument("--out", type=Path, default=Path("out/fig10_hinges"))

@@ -97,7 +97,9 @@ def fitted(experiment: DriveExperiment, declared: Model, loop_folder: Path) -> M
 
 
 def gained(t: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Return the elevation above the mean of the first second. The zero of the tracker is arbitrary."""
+    """Return the elevation relative to its mean over the first second, because the zero of the tracker's elevation is
+    arbitrary.
+    """
     return z - float(np.nanmean(z[t <= t[0] + 1.0]))
 
 
@@ -123,7 +125,7 @@ def late(t: np.ndarray, z: np.ndarray) -> float:
 
 
 def draw(heights: Heights) -> Figure:
-    """Draw every run's elevation over time."""
+    """Draw the elevation of the rover over time in every run: logged, and simulated by the three models."""
     figure = Figure(figsize=(14.0, 7.0), layout="constrained")
     axes = figure.subplots(2, (len(heights) + 1) // 2, squeeze=False).ravel()
     for axis, (name, run) in zip(axes, heights.items(), strict=False):

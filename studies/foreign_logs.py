@@ -49,11 +49,13 @@ from rover_pin.logs.drive_log import read_drive_log
 
 SEEDS = [1, 2, 21, 22, 51, 52, 53, 61, 62, 71, 72, 73, 74]
 ENOUGH = 0.05
-"""Maximum error of a channel, as a share of its RMS value."""
+"""Maximum error of an imported channel that counts as right, as a fraction of the channel's RMS value."""
 
 
 class Outcome(NamedTuple):
-    """Result of a layout: 'right', 'asked' or 'wrong', and the faults or the refusal."""
+    """Result of the import of one layout of a recording: 'right', 'asked' (the importer refuses and asks) or 'wrong',
+    with the faults or the text of the refusal.
+    """
 
     answer: str
     why: str
@@ -104,7 +106,7 @@ def figure(table: pd.DataFrame, out: Path) -> None:
 
 
 def tried(seed: int, number: int) -> dict[str, Any]:
-    """Return the result of one layout as a row of the table."""
+    """Import a recording in one random layout, and return the result as a row of the table."""
     random = np.random.default_rng([seed, number])
     # A temporary folder for each layout.
     with tempfile.TemporaryDirectory() as folder:

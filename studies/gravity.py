@@ -79,7 +79,8 @@ FAST: dict[str, tuple[str, dict[str, Any], float]] = {
 }
 """Name -> scenario, settings, and end of the evaluated section [m]. The section begins at FROM."""
 SPEEDS, FROM, RUN_UP, LENGTH = (0.05, 0.2, 0.5, 1.0), 0.3, 4.0, 0.3
-"""Speeds on the Earth's flat [m/s], start of the evaluated section, run-up, and length of bump and wave [m]."""
+"""Numbers of the fast drives: speeds on level ground on Earth (SPEEDS) [m/s], start of the evaluated section (FROM),
+distance before the obstacle at which the drive starts (RUN_UP), and length of a bump and of a wave (LENGTH) [m]."""
 DAMPING = (3.0, 10.0, 30.0)
 """Damping of the soil [s/m]: the assumed 10, a third of it, and three times it."""
 FAST_TIMING = Timing(0.001, 0.05, 0.005)
@@ -273,7 +274,9 @@ def draw(table: pd.DataFrame, traces: dict[tuple[str, str, str], Trace]) -> Figu
 
 
 def draw_fast(table: pd.DataFrame, courses: dict[tuple[str, float, str], Trace]) -> Figure:
-    """Draw wheels in the air and peak load over speed, and the front wheel's load over the fastest bump."""
+    """Draw three panels: the share of time with wheels in the air against speed, the largest wheel load (divided by the
+    static load) against speed, and the load of the front wheel over the bump at the highest speed.
+    """
     figure = Figure(figsize=(13, 4.2), layout="constrained")
     axes = figure.subplots(1, 3)
     default_damping = table[table.d_spm == DAMPING[1]]

@@ -129,7 +129,7 @@ def errors(by_channel: dict[str, float]) -> str:
 
 
 def drawn(rows: list[dict[str, str]], file: Path) -> None:
-    """Draw the probability of each family in each set."""
+    """Draw the probability of each family of causes for each data set, as a map of colours."""
     # The cells hold text such as "digging 0.93; softening 0.05".
     families = {row["data"]: dict(part.rsplit(" ", 1) for part in row["families"].split("; ") if part) for row in rows}
     names = list(dict.fromkeys(name for shares in families.values() for name in shares))

@@ -56,12 +56,14 @@ LEVELS = (0.4, 0.5, 0.6, 0.7, ALARM, 0.8, 0.9)
 LEAD = 2.0
 """Required time from the warning to the burial [s]."""
 EVERY = 4
-"""Every EVERY-th sample enters the scores."""
+"""Number of samples from one scored forecast to the next: only every EVERY-th forecast enters the scores."""
 EDGES = (0.0, 0.02, 0.1, 0.2, 0.4, 0.6, 0.8, 0.95, 1.01)
 
 
 class Drive(NamedTuple):
-    """A drive with the monitor's output over time and the events that followed."""
+    """A simulated drive, with the output of the monitor over time and the events that the monitor should forecast. The
+    monitor is the on-board program that forecasts whether the rover gets stuck or buried.
+    """
 
     kind: str
     seed: int
@@ -70,7 +72,7 @@ class Drive(NamedTuple):
     stuck: np.ndarray
     """Start and end of each period in which the rover is stuck (n, 2) [s]."""
     said: np.ndarray
-    """t, P(stuck), P(buried), smoothed P(stuck) (samples, 4)."""
+    """forecasts of the monitor (samples, 4): time t [s], P(stuck), P(buried), and smoothed P(stuck)."""
 
     def comes(self, t: float, horizon: float) -> bool:
         """Return whether the rover is stuck or buried at any time within `horizon` [s] after t."""
@@ -93,7 +95,7 @@ class Drive(NamedTuple):
 
 
 def main() -> None:
-    """Drive all cases with the monitor, score it, and write and print the results."""
+    """Simulate all drives with the monitor running, score its forecasts, and write and print the results."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="three short drives: shows that it runs")
     parser.add_argument("--out", type=Path, default=Path("out/monitor"))
@@ -191,7 +193,9 @@ def stuck_spans(trace: Trace, r: float) -> np.ndarray:
 
 
 def at_level(drives: list[Drive], level: float) -> dict[str, Any]:
-    """Return the counts of true and false alarms at a level."""
+    """Return the scores of the alarms that are raised above one level of the probability: burials with a warning in
+    time, warning times, detected periods of being stuck, and false alarms per hour.
+    """
     hours, leads, caught, stuck, false = sum(drive.end for drive in drives) / 3600.0, [], 0, 0, [0, 0]
     for drive in drives:
         begins = drive.alarms(level)
@@ -215,7 +219,9 @@ def at_level(drives: list[Drive], level: float) -> dict[str, Any]:
 
 
 def outcomes(drives: list[Drive], event: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return P, whether the event followed, and whether the rover was not yet stuck, at every EVERY-th sample."""
+    """Return three arrays, with an entry for every EVERY-th sample: the forecast probability P, whether the event
+    followed, and whether the rover was not yet stuck.
+    """
     rows = []
     for drive in drives:
         for t, p_stuck, p_buried, _ in drive.said[::EVERY].tolist():
@@ -227,7 +233,9 @@ def outcomes(drives: list[Drive], event: str) -> tuple[np.ndarray, np.ndarray, n
 
 
 def reliability(drives: list[Drive], event: str) -> pd.DataFrame:
-    """Return the observed share of the event in bins of P."""
+    """Return a table of the reliability: for each class of the forecast probability P, the observed share of samples
+    that the event followed.
+    """
     p, came, _ = outcomes(drives, event)
     bins = np.digitize(p, EDGES) - 1
     rows = [(event, p[bins == i].mean(), came[bins == i].mean(), int(np.sum(bins == i))) for i in np.unique(bins)]
@@ -271,7 +279,9 @@ def report(drives: list[Drive], table: pd.DataFrame, bins: pd.DataFrame) -> str:
 
 
 def figure(table: pd.DataFrame, bins: pd.DataFrame, out: Path) -> None:
-    """Draw false alarms against burials warned of, and reliability."""
+    """Draw two panels: the share of burials with a warning in time against the number of false alarms per hour, and the
+    observed frequency of events against the forecast probability.
+    """
     sheet, (left, right) = plot.new_figure(1, 2, size=(9.5, 4.2))
     for column, label, colour in (
         ("false_per_hour", "within 4 s", plot.COLOURS[0]),

@@ -52,25 +52,26 @@ from rover_pin.simulation.model.effect_files import known_effects
 SURE, MOST = 0.95, 8
 RIG_SEED, BENCH_SEED = 52_000, 76_000
 QUICK = 3
-"""Seed offset of a bench whose law is identified by one run."""
+"""Number that is added to the seed for the quick run of the study. It selects a simulated bench whose missing law is
+identified by one further run."""
 FIRST = (-0.15, 0.0, 0.2, 0.4, 0.6)
-"""Slips of a rig's first runs, under 25 N."""
+"""Slip ratios of the first runs of the simulated wheel rig, each at a load of 25 N."""
 COARSE, FINE = 8, 0.25
-"""Noise of a bench and of a rig, as multiples of their generators' usual noise.
+"""Noise of the simulated test bench (COARSE) and of the simulated wheel rig (FINE), as multiples of the usual noise of
+their data generators.
 
-With the usual noise every run of a bench identifies the law, and no run of a rig does.
-"""
+With the usual noise every run of a bench identifies the law, and no run of a rig does."""
 HEADER = ("kind", "seed", "hidden", "proposed", "at random")
 RESULTS = Path(__file__).parent / "results"
 
 
 class Told(NamedTuple):
-    """The beliefs after some runs, and the runs that could be measured next."""
+    """The probabilities of all hypotheses after some runs, and the runs that could be measured next."""
 
     beliefs: Beliefs
     offer: Offer
     conditions: Mapping[str, Any]
-    """Conditions of each offered run, by its name."""
+    """Name of each run that could be measured next -> its conditions."""
 
 
 def main() -> None:
@@ -107,7 +108,9 @@ def main() -> None:
 
 
 def counted(kind: str, make: Callable[[int], tuple[str, Any]], seed: int) -> tuple[str, int, str, int, int]:
-    """Return the row of a set: the number of further runs with proposals and at random."""
+    """Return the result for one data set: the number of further runs that identify the hidden effect, if the runs
+    follow the proposals, and if they are drawn at random.
+    """
     name, after = make(seed)
     needed = [runs_needed(name, after, seed, is_proposed) for is_proposed in (True, False)]
     print(kind, seed, name, *needed, flush=True)
@@ -115,7 +118,9 @@ def counted(kind: str, make: Callable[[int], tuple[str, Any]], seed: int) -> tup
 
 
 def runs_needed(name: str, after: Callable[[list[Any]], Told], seed: int, is_proposed: bool) -> int:
-    """Return the number of further runs; `after` gives the beliefs after the chosen runs of the list."""
+    """Return the number of further runs after which the hidden effect `name` is certain. The function `after` returns
+    the probabilities of all hypotheses after the runs with the chosen conditions.
+    """
     random, chosen = np.random.default_rng([seed, 7]), list[Any]()
     while (state := after(chosen)).beliefs.inclusion(name) < SURE:
         if len(chosen) == MOST:
@@ -128,7 +133,9 @@ def runs_needed(name: str, after: Callable[[list[Any]], Told], seed: int, is_pro
 
 
 def rig(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
-    """Return the hidden effect of a rig, and the function that gives the beliefs after runs of its list."""
+    """Return the hidden effect of a simulated wheel rig, and the function that returns the probabilities of all
+    hypotheses after chosen runs.
+    """
     make, random = rig_generator(), np.random.default_rng(seed)
     # With the usual noise further runs identify nothing, so the noise is reduced.
     make.SD = tuple(FINE * sd for sd in make.SD)
@@ -136,7 +143,9 @@ def rig(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
     hidden = make.Rig(sizes=drawn_sizes(Hidden(Kind.PAIR, (name,), seed, "white"), random), **drawn_soil(random))
 
     def after(chosen: list[tuple[float, float, float]]) -> Told:
-        """Return beliefs and offer after the first runs and the chosen runs."""
+        """Return the probabilities of all hypotheses after the first runs and the chosen runs, and the runs that could
+        be measured next.
+        """
         data = rig_set(make, hidden, [*((25.0, slip, 0.02) for slip in FIRST), *chosen], seed)
         question, offer = (
             RigData(RigExperiment((data,)), RigModel(data.wheel, data.soil())).question(known_effects()),
@@ -164,7 +173,9 @@ def rig_set(make: ModuleType, hidden: Any, runs: list[tuple[float, float, float]
 
 
 def bench(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
-    """Return the hidden law of a bench, and the function that gives the beliefs after runs of its list."""
+    """Return the hidden law of a simulated test bench, and the function that returns the probabilities of all
+    hypotheses after chosen runs.
+    """
     make = pendulum_generator()
     laws = [law for law in make.LAWS if law != "none"]
     name = laws[seed % len(laws)]
@@ -176,7 +187,9 @@ def bench(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
     measured = observed(make, name, seed, ahead)
 
     def after(chosen: list[int]) -> Told:
-        """Return beliefs and offer after the first run and the chosen runs."""
+        """Return the probabilities of all hypotheses after the first run and the chosen runs, and the runs that could
+        be measured next.
+        """
         # The first run always belongs to the data.
         which = [0, *chosen]
         folds = tuple(f"run {at}" for at, _ in enumerate(which))
@@ -210,7 +223,7 @@ def observed(make: ModuleType, law: str, seed: int, ahead: Pendulum) -> Callable
 
 
 def quiet(message: str) -> None:
-    """Ignore a progress message."""
+    """Ignore a progress message of the search."""
 
 
 if __name__ == "__main__":

@@ -62,7 +62,8 @@ WHEEL, TABLE_1 = Wheel(), Soil()
 SINKAGE = float(WHEEL.r) * (1 - math.cos(TABLE_1.theta_1))
 RIM = 0.05
 KEPT = 1.0
-"""A statement within this many SD of its limit counts as satisfied."""
+"""Maximum distance of a number from the limit that a statement of the paper sets, in SD. Up to this distance the
+statement counts as satisfied."""
 
 
 class Change(NamedTuple):
@@ -72,7 +73,7 @@ class Change(NamedTuple):
     names: tuple[str, ...]
     bounds: tuple[tuple[float, float], ...]
     parts: int = 1
-    """Number of changes that are combined."""
+    """Number of single changes that this change combines."""
 
     def plus(self, other: Change) -> Change:
         """Return the change that combines both changes."""
@@ -97,7 +98,8 @@ CONSTANTS = {
 }
 LOGARITHMIC = ("k",)
 ASKED = (0.005, 0.0145)
-"""Values of k [m] evaluated without a fit: a tenth of Table 1's, and the value that climbs 12 deg in the net form."""
+"""Values of the shear displacement k [m] that are evaluated without a fit: a tenth of the value in Table 1, and the
+value with which the net form of traction climbs 12 deg."""
 
 
 class Resolved(NamedTuple):
@@ -111,7 +113,7 @@ class Resolved(NamedTuple):
 
     @property
     def shown(self) -> str:
-        """Return the changed values in readable units."""
+        """Return a text with the name and the value of each changed parameter; angles are in degrees."""
         texts = []
         for name, value in zip(self.change.names, self.values, strict=True):
             scale, unit = (1e3, " mm") if name == "k" else (math.degrees(1), " deg") if angle(name) else (1.0, "")
@@ -163,7 +165,9 @@ def singles(form: str) -> list[Change]:
 
 
 def resolved(form: str, quick: bool) -> list[Resolved]:
-    """Return the base, every single change, and every pair of changes that affect F."""
+    """Return the results of the base model, of the values of k in ASKED, of every single change, and of every pair of
+    those changes that affect the traction factor F. Each result is a minimum of chi2, except for ASKED.
+    """
     alone = [best(form, change) for change in singles(form)]
     base = best(form, NOTHING)
     tenths = [judged(form, singles(form)[0]._replace(parts=0), np.array([k])) for k in ASKED]
@@ -247,7 +251,9 @@ def _factor(effects: Sequence[Effect], S: ca.SX, soil: Soil) -> ca.SX:
 
 
 def contradictions(fits: Sequence[Resolved]) -> pd.DataFrame:
-    """Return each statement with its value in the base model, in both forms."""
+    """Return a table of the paper's statements, with the number that the base model gives for each, in both forms of
+    traction.
+    """
     rows: dict[str, list[object]] = {
         "statement": [s.words for s in STATEMENTS],
         "number": [s.short for s in STATEMENTS],

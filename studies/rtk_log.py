@@ -174,7 +174,7 @@ def predicted(log: DriveLog, later: DriveLog, models: tuple[Model, ...], runs: s
 
 
 def figure(table: pd.DataFrame, out: Path) -> None:
-    """Draw the errors by runs."""
+    """Draw the errors of odometry and of the models for each run."""
     channels = list(dict.fromkeys(table["channel"]))
     sheet, axes = plot.new_figure(len(channels), size=(7.0, 2.4 * len(channels)))
     for panel, channel in zip(np.atleast_1d(axes), channels, strict=True):

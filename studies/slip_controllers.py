@@ -131,7 +131,9 @@ def main() -> None:
 
 
 def driven(case: Case, name: str, seed: int) -> list[float]:
-    """Return the final x [m], whether the drive passed and was buried, and its mean slip."""
+    """Return four results of a drive: the final x [m], whether the rover passed, whether a wheel was buried, and the
+    mean slip.
+    """
     scene, control = built(case), (CONTROLS | ALSO)[name]
     law = control.of(scene.model, seed)
     law = NoisyController(law, Sensors(), seed) if control.noisy else law
@@ -139,7 +141,7 @@ def driven(case: Case, name: str, seed: int) -> list[float]:
 
 
 def line(drives: pd.DataFrame) -> str:
-    """Return a controller's results as one line of text."""
+    """Return the results of one controller over all drives as a line of text."""
     name = drives.control.iloc[0]
     # Passed and buried drives by kind of ground.
     kinds = ", ".join(
@@ -152,7 +154,7 @@ def line(drives: pd.DataFrame) -> str:
 
 
 def figure(table: pd.DataFrame, out: Path) -> None:
-    """Draw the share of passed against the share of buried drives, in percent."""
+    """Draw, for each controller, the share of passed drives against the share of buried drives [%]."""
     sheet, axis = plot.new_figure(1, 1, size=(6.5, 4.5))
     # A good controller is in the upper left corner.
     shares = table.groupby("control", sort=False)[["passed", "buried"]].mean() * 100.0

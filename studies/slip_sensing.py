@@ -46,13 +46,14 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.tuning.evaluations import Evaluations
 
 SETTLED, MOVING = 2.0, 0.005
-"""Time [s] and rim speed [m/s] above which slips are compared. A wheel at rest has no slip."""
+"""Time since the start (SETTLED) [s] and rim speed (MOVING) [m/s] above which the estimated slip is compared with the
+true slip. The slip of a wheel at rest is not defined."""
 SEED, DURATION, CART = 290_001, 40.0, "cart"
 FIRM = {"rover": "cart", "soil.k_1": 46750.5, "motor.resistance": 26.880696035650764}
 """The cart on sand that carries it as Table 1 carries Nexus 6, with motors sized for slopes, not for point turns."""
 ESTIMATES = ("eq9", "onboard", "onboard, wrong soil")
 GOAL = {"ditch": 0.95, "incline": 1.2, "slope": 1.2, "hills": 0.8, "rocks": 0.8}
-"""Position that the base must reach in each scenario [m]."""
+"""Scenario -> position x that the base must reach for the drive to count as passed [m]."""
 
 
 class Case(NamedTuple):
@@ -84,7 +85,7 @@ def main() -> None:
 
 
 def said(stage: str, done: int, total: int) -> None:
-    """Print the end of a stage."""
+    """Print a line when all drives of a stage of the study are done."""
     if done == total:
         print(f"{stage}: {done}", flush=True)
 
@@ -149,14 +150,16 @@ def estimate_of(name: str, model: Model) -> SlipEstimate:
 
 
 def mistaken(model: Model) -> Model:
-    """Return the model with a weaker sand than the true one."""
+    """Return the model that the wrong-soil estimate assumes: its sand is weaker than the true sand."""
     soil = model.soils[0]
     wrong = soil.replace(k=1.5 * float(soil.k), phi=float(soil.phi) - math.radians(3.0))
     return model.replace(soils=(wrong, *model.soils[1:]))
 
 
 class Kept:
-    """A slip estimate that records its values and the true slip. `r` is the wheel radius [m]."""
+    """A slip estimate that also records each of its values, together with the true slip of the simulation. `r` is the
+    wheel radius [m].
+    """
 
     def __init__(self, estimate: SlipEstimate, r: float):
         self.estimate, self.r = estimate, r
@@ -176,7 +179,7 @@ class Kept:
         return estimated
 
     def columns(self) -> list[np.ndarray]:
-        """Return times, flags of turning wheels, S_hat and S."""
+        """Return the recorded times, whether each wheel turns, the estimated slip S_hat, and the true slip S."""
         return [np.array(column) for column in zip(*self.rows, strict=True)]
 
     def error(self) -> np.ndarray:
@@ -233,7 +236,9 @@ def estimates(scene: Scenario) -> dict[str, Kept]:
 
 
 def outcome(case: Case, trace: Trace) -> list[float]:
-    """Return the final x [m], whether the drive passed and was buried, and the mean slip."""
+    """Return four results of a drive: the final x [m], whether the rover passed, whether a wheel was buried, and the
+    mean slip.
+    """
     x, buried = trace["body_x"], str(trace.attrs["stop"]).startswith("buried")
     return [float(x[-1]), float(np.max(x) > GOAL[case.scene]), float(buried), float(np.mean(trace.stack("slip")))]
 

@@ -43,19 +43,20 @@ SCENES = (
     "hills", "turn", "point-turn", "crab",
 )  # fmt: skip
 STEERED = ("turn", "point-turn", "crab")
-"""Scenes that define their own control."""
+"""Scenarios that have a control of their own, so that no random control is drawn for them."""
 SOILS = (
     "table-1", "slope-sand", "literature-sand", "dry-sand", "fjs-1", "hit-lss1", "lunar-nominal", "mars-sand",
 )  # fmt: skip
 EFFECTS: tuple[tuple[str, ...], ...] = ((), ("SlipSinkage",), ("MultiPass",), ("DiggingMemory", "PostPeak"))
 CONTROLS = {"none": 0.4, "true": 0.3, "onboard": 0.2, "eq9": 0.1}
-"""Kinds of control with their probabilities."""
+"""Word of the setting `control` -> probability that a random drive uses this control."""
 SCALED = {
     "terrain.angle", "terrain.rate", "terrain.steepest", "terrain.height", "terrain.length", "terrain.depth",
     "terrain.wall_angle", "terrain.width", "terrain.amplitude", "terrain.wavelength", "control.radius",
 }  # fmt: skip
 MAX_REFINEMENT, FINER_THAN_OWN = 16, 4
-"""Refinement of the reference: parts of the usual step, and minimum parts of the step that a drive chose."""
+"""Time step of the reference drive, which gives the true error. The reference divides the usual step by MAX_REFINEMENT,
+and the step that the drive chose itself by at least FINER_THAN_OWN."""
 
 
 def main() -> None:
@@ -80,7 +81,9 @@ def main() -> None:
 
 
 def summary(table: pd.DataFrame) -> list[str]:
-    """Return the summary of the table: tolerances kept, errors underestimated, and median ratios."""
+    """Return the summary of the table as lines of text: the share of drives that kept the tolerance, the share whose
+    stated error is smaller than the true error, and the median ratios of stated to true error.
+    """
     # A true error above the stated one is a failure of the estimate.
     low, keeps = table["off_m"] > table["stated_m"], table["kept"].astype(bool)
     ratio, load_ratio = table["stated_m"] / table["off_m"], table["load_stated"] / table["load_off"]
@@ -129,7 +132,9 @@ def drawn(seed: int) -> tuple[str, dict[str, Any]]:
 
 
 def judged(seed: int, seconds: float | None) -> dict[str, Any]:
-    """Return true and stated errors of a drive, or the reason if the drive or its reference is refused."""
+    """Return the true and the stated numerical errors of a drive, or the reason if the simulation refuses the drive or
+    its reference.
+    """
     scene, settings = drawn(seed)
     settings |= {"duration": seconds} if seconds else {}
     row = {"seed": seed, "scene": scene, "control": settings.get("control", ""), "rover": settings["rover"]}
@@ -156,7 +161,7 @@ def judged(seed: int, seconds: float | None) -> dict[str, Any]:
 
 
 def finer(chosen: Scenario, driven: Trace) -> Trace:
-    """Return the reference drive at the finer step."""
+    """Return the reference drive: the same drive with a finer time step."""
     # One control period is enough to find the step that the scenario usually takes.
     usual_dt = dataclasses.replace(chosen, duration=chosen.timing.control).drive(measure_error=False).attrs["dt_s"]
     divided = max(MAX_REFINEMENT, FINER_THAN_OWN * round(usual_dt / driven.attrs["dt_s"]))
@@ -165,7 +170,7 @@ def finer(chosen: Scenario, driven: Trace) -> Trace:
 
 
 def figure(table: pd.DataFrame, out: Path) -> None:
-    """Draw the stated over the true errors."""
+    """Draw the error that the package states for each drive against the true error."""
     sheet, axes = new_figure(1, size=(6.0, 4.5))
     for colour, (keeps, rows) in zip(COLOURS, table.groupby(table["kept"].astype(bool)), strict=False):
         label = "keeps its tolerance" if keeps else "says that it keeps none"

@@ -57,7 +57,9 @@ FREE = {
 }
 HAND, TUNED = "S_d = 0.2, by hand", "by the hole, tuned as driven"
 CEILING, TRIED, TRIED_SEED = "by the hole, the best on each drive", 40, 900_000
-"""Number of laws tried on each drive alone, and the noise seed of that trial. They give the upper limit of tuning."""
+"""Name of the control that has the best law for each drive (CEILING). On each drive, TRIED laws are driven with noise
+seeds from TRIED_SEED on, and the law with the smallest cost is taken. The result is an upper limit of what a tuning can
+reach."""
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -109,7 +111,9 @@ def cases(rounds: int, duration: float, seed: int) -> tuple[DriveCase, ...]:
 def best_laws(
     fresh: tuple[DriveCase, ...], study: TuningStudy, tuned: SlipLaw, count: int, evaluations: Evaluations
 ) -> list[SlipLaw]:
-    """Return, for each drive, the law of minimum cost among `count` evenly spaced laws and the compared laws."""
+    """Return the law with the smallest cost for each drive. The candidates are `count` laws that cover the search space
+    evenly, and the compared laws.
+    """
     # A Latin hypercube covers the free numbers evenly.
     places = qmc.LatinHypercube(len(study.free), seed=study.seed).random(count)
     laws = [study.law_before, SlipLaw(Gains(S_d=0.2)), tuned, *map(study.law, places)]

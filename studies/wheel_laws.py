@@ -95,9 +95,11 @@ REACH = {
     "both signs": (1.5, 2.5, None), "slip angles": (0.6, 1.3, 0.5), "braked askew": (0.9, 1.5, 0.8),
     "lugs askew": (0.7, 1.4, 0.6), "braked lugs": (0.8, 1.5, None), "lugged from smooth": (1.2, 4.0, None),
 }  # fmt: skip
-"""Target errors: drawbar pull [N], sinkage [mm], side force [N]. DP/W = 0.05 is 1.2 N for the lugged wheel."""
+"""Data set -> target errors of drawbar pull [N], sinkage [mm] and side force [N]. For comparison, a pull of 0.05 times
+the load is 1.2 N for the lugged wheel."""
 EACH = (1.2, 2.5, 1.5)
-"""Target errors in the median set that is predicted from the others. In every set, twice these values."""
+"""Target errors of drawbar pull [N], sinkage [mm] and side force [N], if a data set is predicted from the other sets.
+The median over the sets must be below these values, and every set below twice these values."""
 
 FOLDERS = {
     "smooth": "smooth-wheel", "braked": "smooth-wheel-skid", "slip angles": "smooth-wheel-angles",
@@ -115,7 +117,7 @@ class Row(NamedTuple):
     sinkage_mm: float
     side_force_N: float
     in_sds: float
-    """RMSE of all channels together, each in units of its noise."""
+    """RMSE of all channels together. The errors of each channel are divided by the channel's noise."""
     sizes: str = ""
 
 
@@ -152,7 +154,9 @@ def shown(frame: pd.DataFrame) -> str:
 
 
 def side_by_side(frame: pd.DataFrame) -> list[str]:
-    """Return one line for each set: its own law, one soil, from the others, and rivals."""
+    """Return one line of text for each data set. It compares the errors of four predictions: the law that was fitted to
+    this set, one soil for all sets, the soil of the other sets, and the rival curves.
+    """
     errors = frame.set_index(["set", "law"])[["drawbar_pull_N", "sinkage_mm", "side_force_N"]]
     # Each cell has pull, sinkage and, where it was measured, side force.
     table = pd.DataFrame(
@@ -179,7 +183,9 @@ def cell(errors: Iterable[float | None]) -> str:
 
 
 def ahead(frame: pd.DataFrame) -> list[str]:
-    """Return the sets on which the last law beats both curves over all channels, each in units of its noise."""
+    """Return the data sets on which the last law has smaller errors than both curves. The errors are taken over all
+    channels, each divided by its noise.
+    """
     winning = []
     for name in REACH:
         errors = frame[frame["set"] == name].set_index("law")["in_sds"]
@@ -213,7 +219,7 @@ def compared(name: str, data: RigSet, laws: Laws, n: float) -> list[Row]:
 
 
 def fitted(data: RigSet, effects: tuple[Effect, ...], n: float) -> Fit:
-    """Return the fit of soil and sizes to all levels."""
+    """Return the fit of the soil constants and of the effects' sizes to all slip levels."""
     soil = data.soil()
     # Dry sand has no cohesion; k_1 of the pressings is the initial guess where the wheel was pressed in.
     soil = soil.replace(c=0.0, n=n, k_1=soil.k_1 if data.trials else 1e5)
@@ -223,7 +229,7 @@ def fitted(data: RigSet, effects: tuple[Effect, ...], n: float) -> Fit:
 
 
 def sizes(fit: Fit) -> str:
-    """Return the fitted parameters and their values as text."""
+    """Return a line of text with the names and the values of the fitted parameters."""
     return ", ".join(f"{parameter.name} = {fit.value(parameter.name):.3g}" for parameter in fit.parameters)
 
 

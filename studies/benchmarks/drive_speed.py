@@ -152,7 +152,9 @@ def parts(case: Scenario, count: int) -> float:
 
 
 def each(call: Callable[[], Any], count: int) -> float:
-    """Return the minimum over short loops of the mean time of a call [s]."""
+    """Return the time of one call [s]: the calls are timed in several short loops, and the smallest mean time of a loop
+    is returned.
+    """
 
     def loop() -> None:
         for _ in range(50):

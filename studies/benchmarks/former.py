@@ -16,7 +16,9 @@ ROOT = Path(__file__).parents[2]
 
 @contextmanager
 def checkout(commit: str) -> Iterator[Path]:
-    """Yield a folder with the package and the rovers of a commit. Put the folder first in PYTHONPATH."""
+    """Yield a folder with the package and the rovers as they were at an earlier commit. A process that has this folder
+    first in PYTHONPATH uses the earlier version.
+    """
     # Only the package and its rovers are extracted, not the tests and studies.
     packed = subprocess.run(["git", "archive", commit, "rover_pin", "urdf"], cwd=ROOT, check=False, capture_output=True)
     if packed.returncode:

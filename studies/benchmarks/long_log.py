@@ -33,9 +33,11 @@ from rover_pin.soil.wheel_forces import TorqueTraction
 from rover_pin.terrain.terrain import Lanes, Profile
 
 HOUR, LEG, HOLD = 3600.0, 40.0, 4.0
-"""Duration of the drive, of one leg, and for which a duty holds [s]."""
+"""Duration of the whole drive (HOUR), duration of one leg in one direction (LEG), and time for which a duty is held
+(HOLD) [s]."""
 DRIFT = 5e-4
-"""Drift of the pose in a second, which grows with the root of time [m]."""
+"""Standard deviation of the drift of the measured pose after one second [m]. The drift grows with the square root of
+the time."""
 
 
 def main() -> None:

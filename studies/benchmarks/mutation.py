@@ -62,7 +62,7 @@ class Scaled(NumberReplacer):
     """The operator that moves whole numbers and 0.0 by one, up and down, and multiplies others by each of FACTORS."""
 
     def mutation_positions(self, node) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
-        """Yield the position of a number once for each of its changes."""
+        """Yield the position of each number in the source once for every changed value that is tried for the number."""
         if is_number(node) and not _is_declared(node):
             yield from [(node.start_pos, node.end_pos)] * len(changes(node.value))
 
@@ -164,7 +164,7 @@ def survivors(room: str, tried: list, tests: list[Path], most: float, folder: Pa
 
 
 def again(missed: list[dict], tests: list[Path], most: float) -> Iterator[dict]:
-    """Yield each of these changes that still no test detects."""
+    """Yield those of the given changes that no test detects when they are tried again."""
     for row in missed:
         file = Path(row["file"])
         text = file.read_text(encoding="utf-8")
@@ -179,14 +179,18 @@ def again(missed: list[dict], tests: list[Path], most: float) -> Iterator[dict]:
 
 
 def tests_of(room: str) -> list[Path]:
-    """Return the test files of a room: those in its test folder, or else those that import it."""
+    """Return the test files of a folder of the package: those in the test folder of the same name. If there is no such
+    folder, return the tests that import from the folder.
+    """
     every, name = sorted(Path("tests").rglob("*/test_*.py")), f"rover_pin.{room.replace('/', '.')}"
     in_room = [file for file in every if Path("tests", room) in file.parents]
     return in_room or [file for file in every if name in file.read_text(encoding="utf-8")]
 
 
 def naming(tests: list[Path], file: Path) -> list[Path]:
-    """Return the tests that import a file, or else those that import from its folder, or else all."""
+    """Return the test files that import a source file. If there are none, return those that import from its folder; if
+    there are none either, return all.
+    """
     for folder, name in (file.with_suffix("").parts[-2:], file.parent.parts[-2:]):
         imports = re.compile(rf"{folder}(\.| import .*\b){name}\b")
         if importing := [test for test in tests if imports.search(test.read_text(encoding="utf-8"))]:
@@ -218,7 +222,7 @@ def copied(tree: Path) -> Path:
 
 
 def rows_of(table: Path, room: str) -> list[dict]:
-    """Return a room's rows of a table."""
+    """Return the rows of a table that belong to one folder of the package."""
     return pd.read_csv(table).query("room == @room").to_dict("records")
 
 

@@ -24,7 +24,8 @@ from former import ROOT, checkout
 from speed_table import keep, reader
 
 BEFORE = "f624ee7"
-"""The last commit that called its steps one by one, with Pinocchio's matrices and one patch's law at a time."""
+"""The last commit whose replay called each time step from Python, took the matrices from Pinocchio, and evaluated the
+contact law of one patch at a time."""
 SHAPES = ("ditch", "washboard")
 REPLAY = """
 import json, sys, time

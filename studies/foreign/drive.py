@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 R, HALF = 0.11, 0.26
-"""Wheel radius and half the track of the cart [m]."""
+"""Wheel radius of the simulated cart (R), and half of its track (HALF) [m]."""
 CORNERS = ("fl", "fr", "bl", "br")
 
 

@@ -1,4 +1,6 @@
-"""The laws that `wheel_laws` compares on each measured set: the base, and those of literature and package."""
+"""The wheel-soil laws that `wheel_laws.py` compares on each measured data set: the base model, laws from the
+literature, and laws (effects) of this package.
+"""
 
 from __future__ import annotations
 
@@ -72,7 +74,7 @@ LAWS: dict[str, Laws] = {
     },
     "braked lugs": BRAKING,
 }
-"""Set -> law -> effects."""
+"""Name of a data set -> name of a law -> effects that form this law."""
 ONE_SAND: Laws = {
     "base": (),
     "softening, ploughing, flank, trench": (SOFT, PLOUGH, FLANK, LUGS),

@@ -118,7 +118,7 @@ def cells(name: str, law: str, errors: Mapping[str, np.ndarray], sds: np.ndarray
 
 
 def said(fit: Fit) -> str:
-    """Return the fitted parameters and their values as text."""
+    """Return a line of text with the names and the values of the fitted parameters."""
     return ", ".join(f"{parameter.name} = {fit.value(parameter.name):.3g}" for parameter in fit.parameters)
 
 

@@ -21,7 +21,7 @@ class DingMetres(Effect):
     neutral: ClassVar[dict[str, float]] = {"n_1": 0.0}
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact with the exponent at its slip."""
+        """Return the contact with the sinkage exponent that belongs to the slip of the wheel."""
         more = self.n_1 * ca.fabs(contact.S)
         soil = softer(contact, more * ca.log(contact.wheel.b))
         return contact._replace(soil=soil.replace(n=soil.n + more))
@@ -35,7 +35,7 @@ class Exponential(Effect):
     neutral: ClassVar[dict[str, float]] = {"a": 0.0}
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact on softer soil."""
+        """Return the contact with a soil whose stiffness is reduced for the slip of the wheel."""
         return contact._replace(soil=softer(contact, -self.a * ca.fabs(contact.S)))
 
 
@@ -47,7 +47,7 @@ class Squared(Effect):
     neutral: ClassVar[dict[str, float]] = {"a": 0.0}
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact on softer soil."""
+        """Return the contact with a soil whose stiffness is reduced for the slip of the wheel."""
         return contact._replace(soil=softer(contact, -self.a * contact.S**2))
 
 
@@ -59,7 +59,7 @@ class Lyasko(Effect):
     neutral: ClassVar[dict[str, float]] = {"q": 0.0}
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact on softer soil."""
+        """Return the contact with a soil whose stiffness is reduced for the slip of the wheel."""
         S = ca.fabs(contact.S)
         grown = ca.log((1 + S) / (1 - S / 2))
         return contact._replace(soil=softer(contact, -self.q * (contact.soil.n + 0.5) * grown))

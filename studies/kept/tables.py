@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 
 SAID = 0.0, 0.1, 0.5, 0.9, 1.0
-"""Edges of the probability classes."""
+"""Limits of the classes into which `calibration` sorts the stated probabilities."""
 
 
 def calibration(cases: Sequence[tuple[Mapping[str, float], Sequence[str]]]) -> pd.DataFrame:
-    """Return the calibration of probabilities: number, mean and share of true causes in each class.
+    """Return a table that shows whether stated probabilities are right. For each class of probabilities it lists the
+    number of probabilities, their mean, and the share of the causes that are true.
 
     Each case is given by its probabilities by name and its true names.
     """
@@ -28,7 +29,7 @@ def calibration(cases: Sequence[tuple[Mapping[str, float], Sequence[str]]]) -> p
 
 
 def listed(chances: Mapping[str, float]) -> str:
-    """Return probabilities by name as one line of text."""
+    """Return a line of text with each name and its probability."""
     return "; ".join(f"{name} {probability:.2f}" for name, probability in chances.items())
 
 

@@ -11,7 +11,7 @@ from rover_pin.estimation.profile import MAJORITY
 CLEAR = 3.0
 """Evidence [nats] above which a hidden effect is detectable: odds of 20 to 1."""
 LISTED = 0.01
-"""Probability above which a cause that is not true is stored as well."""
+"""Probability above which a cause is stored even if it is not a true (hidden) cause."""
 
 
 def plain(name: str) -> str:
@@ -20,7 +20,7 @@ def plain(name: str) -> str:
 
 
 def alike_of(verdict: Verdict) -> tuple[tuple[str, ...], ...]:
-    """Return every set of causes that is compatible with the data."""
+    """Return every set of causes that the verdict states as compatible with the data."""
     return tuple(tuple(map(plain, names.split(" + "))) for names in verdict.indistinguishable)
 
 
@@ -32,7 +32,9 @@ def acts_besides(verdict: Verdict) -> bool:
 
 
 def inclusion_of(verdict: Verdict, true: Sequence[str]) -> dict[str, float]:
-    """Return the probability of each cause that may be active, and of the true causes."""
+    """Return name of a cause -> its probability, for each cause whose probability exceeds LISTED, and for the true
+    causes.
+    """
     assert verdict.beliefs is not None
     included = {plain(name): probability for name, probability in verdict.beliefs.included.items()}
     # True causes are stored even if their probability is negligible, because the calibration needs them.

@@ -13,7 +13,7 @@ from rover_pin.tuning.study import DriveCase
 SHEAR = (10**-2.5, 10**-1.5)
 """Range of k [m], drawn on a logarithmic scale: about 3 to 32 mm."""
 WALLS, INCLINES = (30.0, 65.0), (6.0, 18.0)
-"""Ranges of a ditch's wall angle and of an incline [deg]."""
+"""Ranges of the wall angle of a ditch (WALLS) and of the angle of an incline (INCLINES) [deg]."""
 LOSSES = (0.05, 0.4)
 """Range of the strength lost past the peak. Half of the drives lose none."""
 DIGS = (0.02, 0.1)

@@ -17,13 +17,15 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.residual import huber
 
 STARTS, WIDER = 6, (1.0, 2.0, 4.0)
-"""Number of starts of a fit, and factors by which their spread grows if no start converges."""
+"""Number of start values of a fit (STARTS). If the fit converges from none of them, the spread of the start values is
+multiplied by the factors of WIDER, one after the other."""
 SURPRISE = 1e-3
-"""If chi2 is less probable than this under the declared noise, the residual exceeds the noise."""
+"""Smallest probability of a chi2 as large as the fitted one, if the declared noise were the only cause of the residual.
+Below it, the residual counts as larger than the noise."""
 
 
 def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter], seed: int = 0) -> Fit:
-    """Return the model with its numbers fitted, the lowest chi2 of several starts.
+    """Return the fit of the model's free numbers that has the lowest chi2 among several start values.
 
     Raises OptimisationError if no start converges.
     """
@@ -45,7 +47,9 @@ def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter],
 
 
 def scattered(centre: np.ndarray, count: int, seed: int) -> list[np.ndarray]:
-    """Return `count` starts: the centre, and random points within 1 of it in u."""
+    """Return `count` start values of a fit: the centre, and random points whose coordinates u (in prior SDs) differ
+    from the centre by up to 1.
+    """
     draws = np.random.default_rng(seed).uniform(-1.0, 1.0, (count - 1, len(centre)))
     return [centre, *(centre + draws)]
 

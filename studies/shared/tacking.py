@@ -23,7 +23,7 @@ from rover_pin.rover.rover import Rover
 from rover_pin.simulation.state import suspension_places
 
 FRESH = (1.0, -1.0)
-"""Initial memory of the control: the left side, and no uneven ground."""
+"""Initial memory of the control: the next obstacle is crossed on the left side, and the ground is even."""
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,9 @@ class RoverNode(Node):
         self.timer = self.create_timer(self.timing.control, self.go_on)
 
     def obey(self, message):
-        """Hold the commanded motion from now on; sideways motion needs wheels that steer."""
+        """Take the motion that a `cmd_vel` message commands, and hold it until the next message. Sideways motion needs
+        wheels that steer.
+        """
         x, y = message.linear.x, message.linear.y
         try:
             # A sideways component asks for crabbing in the direction of travel.
