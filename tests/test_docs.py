@@ -59,6 +59,22 @@ def test_the_pictures_and_pages_it_names_are_there():
             assert is_generated or (home / target).is_file(), f"{name}: {target}"
 
 
+def test_the_files_and_tests_that_contributing_names_are_there():
+    """A path counts from the root, the package or the tests; `my_` and capitals stand for a name to choose."""
+    text = re.sub(r"```.*?```", "", PAGES["CONTRIBUTING.md"], flags=re.DOTALL)
+    words = {word for code in re.findall(r"`([^`]+)`", text) for word in code.split()}
+    to_choose = re.compile(r"my_|[A-Z]{3}")
+    paths = {
+        word for word in words if re.fullmatch(r"[\w./-]*/[\w./-]*|[\w.-]+\.py", word) and not to_choose.search(word)
+    }
+    homes = (ROOT, ROOT / "rover_pin", ROOT / "tests")
+    assert len(paths) > 50
+    assert {path for path in paths if not any((home / path).exists() for home in homes)} == set()
+    tests = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("test_*.py"))
+    named = {word for word in words if re.fullmatch(r"test_\w+", word)}
+    assert {name for name in named if f"def {name}(" not in tests} == set()
+
+
 def test_the_paper_page_is_made_of_every_strict_failure(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "docs"))
     rows = list(importlib.import_module("make_pages").contradictions())

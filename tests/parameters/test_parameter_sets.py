@@ -67,22 +67,28 @@ def test_small_rover_on_slope_sand_slips_as_measured_wheels_do():
     assert slip(10.0, "table-1") > 0.98
 
 
-@pytest.mark.parametrize(
-    ("name", "k_c", "k_phi", "n"),
-    [
-        ("dry-sand", 0.99e3, 1528.43e3, 1.1),
-        ("fjs-1", 1.37e3, 814e3, 1.0),
-        ("hit-lss1", 15.6e3, 2407.4e3, 1.1),
-        ("lunar-nominal", 1.4e3, 820e3, 1.0),
-        ("mars-sand", 13.6e3, 2259.1e3, 0.92),
-    ],
-)
+PUBLISHED = [
+    ("dry-sand", 0.99e3, 1528.43e3, 1.1),
+    ("fjs-1", 1.37e3, 814e3, 1.0),
+    ("hit-lss1", 15.6e3, 2407.4e3, 1.1),
+    ("lunar-nominal", 1.4e3, 820e3, 1.0),
+    ("mars-sand", 13.6e3, 2259.1e3, 0.92),
+]
+"""Name of each soil that is published with Bekker's constants, k_c [N/m^(n+1)], k_phi [N/m^(n+2)] and n."""
+
+
+@pytest.mark.parametrize(("name", "k_c", "k_phi", "n"), PUBLISHED)
 @pytest.mark.parametrize("b", [0.05, 0.2])
 def test_sets_give_the_published_pressure_at_any_width(name, k_c, k_phi, n, b):
     soil = at_width(SOILS[name], b, NEXUS6_WHEEL.b)
     pressure = modulus(Wheel(b=b), soil) * (0.01 / b) ** soil.n
     assert soil.n == n
     assert pressure == pytest.approx((k_c / b + k_phi) * 0.01**n, rel=1e-12)
+
+
+def test_every_soil_with_bekker_s_constants_is_compared_with_them():
+    converted = [name for name, soil in SOILS.own.items() if "k_c" in quantities(soil)["k_1"].source]
+    assert converted == [name for name, *_ in PUBLISHED]
 
 
 POUND, INCH = 0.45359237 * 9.80665, 0.0254
