@@ -95,7 +95,9 @@ def counts(rows: list[tuple]) -> str:
 
 
 def main() -> None:
-    """Close the loop on every set, and write and print the answers and the counts."""
+    """Search for the missing law in every data set (`close_the_loop`), and write and print the answers and their
+    counts.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="one set of two laws and one of none, on other seeds")
     parser.add_argument("--out", type=Path, default=ROOT / "studies" / "results")

@@ -81,7 +81,9 @@ CLAIMED = (Outcome.BETTER.value, Outcome.WORSE.value)
 
 
 def main() -> None:
-    """Close the loop on every set, write errors and figures, and print transients and laws."""
+    """Search for the missing effect in every data set (`close_the_loop`), write the errors and figures, and print the
+    transients and the found laws.
+    """
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--quick", action="store_true", help="the smooth wheel on dry sand only")
     options.add_argument("--out", type=Path, default=Path("out/close_the_loop"))

@@ -104,7 +104,7 @@ def main() -> None:
 
 
 def base_of(change: Change, kind: str) -> Scenario:
-    """Return the drive of a change with a kind of control. Walls and gains are set later."""
+    """Return the ditch drive with one changed number and a kind of control. Wall angle and gains are set later."""
     settings = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03, **change.settings}
     base = scenario("ditch", soil="table-1", **{**settings, "control": kind}, duration=DURATION)
     fraction, S_w = change.loss
@@ -113,7 +113,7 @@ def base_of(change: Change, kind: str) -> Scenario:
 
 
 def gets_out(case: Scenario, wall: float) -> list[bool]:
-    """Return whether the rover gets out, at the step and at half the step."""
+    """Return two values: whether the rover gets out of the ditch with the usual time step, and with half of it."""
     model = case.model.replace(terrain=ditch(wall_angle=math.radians(wall)))
     timings = (case.timing, case.timing.with_half_step())
     cases = [dataclasses.replace(case, model=model, timing=timing) for timing in timings]
@@ -122,7 +122,9 @@ def gets_out(case: Scenario, wall: float) -> list[bool]:
 
 
 def least_stuck(bare: Scenario) -> float:
-    """Return the smallest wall angle [deg] at which constant duty is stuck, to STEP; infinite if it never is."""
+    """Return the smallest wall angle [deg], in steps of STEP, at which the rover gets stuck at constant duty. It is
+    infinite if the rover never gets stuck.
+    """
     if not any(gets_out(bare, GENTLEST)):
         return GENTLEST
     low, high = GENTLEST, STEEPEST
@@ -136,7 +138,9 @@ def least_stuck(bare: Scenario) -> float:
 
 
 def window(change: Change) -> dict[str, Any]:
-    """Return the row of a change: the wall angles at which constant duty is stuck and control gets out."""
+    """Return the result for one changed number: the range of wall angles at which the rover gets stuck at constant duty
+    and gets out with slip control.
+    """
     limit = least_stuck(base_of(change, "none"))
     kind = change.settings.get("control", "true")
     rescued: dict[float, int] = {}
@@ -168,7 +172,7 @@ def controlled(change: Change, kind: str) -> list[Scenario]:
 
 
 def draw(table: pd.DataFrame) -> Figure:
-    """Draw the window of each change over the wall angle."""
+    """Draw the window of wall angles of each change as a bar."""
     figure = Figure(figsize=(10, 0.42 * len(table) + 1.6), layout="constrained")
     axes = figure.subplots()
     for row, outcome in enumerate(table.itertuples()):

@@ -103,7 +103,9 @@ def summary(cases: dict[Case, Scenario], traces: dict[Case, Trace], quick: bool)
 
 
 def row(case: Scenario, trace: Trace, names: tuple[str, int, float], quick: bool) -> dict[str, object]:
-    """Return the row of a drive: crossing time, peak angles, and the crossing time at half the step."""
+    """Return the results of a drive as a row of the table: crossing time, largest angles of the suspension, and the
+    crossing time with half the time step.
+    """
     width, ground, height = names
     begin, end = crossing(trace)
     cells = {

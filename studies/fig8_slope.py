@@ -125,7 +125,9 @@ def steepest(case: Scenario) -> float:
 
 
 def row(label: str, case: Scenario, trace: Trace, quick: bool) -> dict[str, Any]:
-    """Return the row of a drive: slip and inclination at several slips, end of the climb, and half-step time."""
+    """Return the results of a drive as a row of the table: time and inclination at which the rover reaches several
+    slips, the end of the climb, and the time at which it reaches a slip of 0.5 with half the time step.
+    """
     cells = {"reading": label, "most_deg": steepest(case), "S_10s": float(np.interp(10.0, trace.t, trace["slip_ml"]))}
     for slip in (0.1, 0.5, 0.9):
         cells[f"S{slip}_at_s"], cells[f"S{slip}_at_deg"] = reached(trace, slip)

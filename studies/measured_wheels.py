@@ -53,7 +53,9 @@ UNITS = {"drawbar pull": ("N", 1.0), "torque": ("N m", 1.0), "sinkage": ("mm", 1
 
 
 def main() -> None:
-    """Close the loop on every set, write the table after each set, and print the ratios to the curves."""
+    """Search for the missing effect in every measured data set (`close_the_loop`), write the table after each set, and
+    print the ratios of the model's errors to those of simple curves.
+    """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="the smooth wheel alone")
     parser.add_argument("--out", type=Path, default=Path("out/measured_wheels"))

@@ -41,7 +41,9 @@ from rover_pin.scenarios.scenario import scenario
 
 
 class Maker(NamedTuple):
-    """Numbers of a rover's description [m, kg], and the factor by which its controller widens the track."""
+    """Numbers of a public rover from its maker's description [m, kg], and the factor by which the maker's controller
+    multiplies the track to compute wheel speeds.
+    """
 
     length: float
     track: float
@@ -58,7 +60,8 @@ ROVERS = {
     "Jackal J100": Maker(0.262, 0.37559, 0.098, 0.040, 16.523, 0.477, (0.012, 0.002, 0.067), 1.5),
     "Leo": Maker(0.3052, 0.358, 0.0625, 0.07, 4.36, 0.2836, (0.0, 0.0, 0.05), 1.76),
 }
-"""Sources: husky_description, husky_control, jackal_description, jackal_control, leo_description, leo_firmware."""
+"""Name of a rover -> its numbers. Sources: the makers' public packages husky_description, husky_control,
+jackal_description, jackal_control, leo_description and leo_firmware."""
 WHEELS = {"fl": (0.5, 0.5), "fr": (0.5, -0.5), "rl": (-0.5, 0.5), "rr": (-0.5, -0.5)}
 GROUNDS: dict[str, dict[str, Any]] = {"sand": {}, "hard": {"patch.x_from": -100.0, "patch.x_to": 100.0}}
 TURNS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -123,7 +126,7 @@ def link(name: str, mass: float, size: float, centre: tuple[float, float, float]
 
 
 def driven(name: str, toml: Path, turn: str, ground: str, seconds: float) -> dict[str, Any]:
-    """Return the commanded and the driven turn, the latter over the second half of the drive."""
+    """Return the commanded turn, and the turn that the rover drove, measured over the second half of the drive."""
     (scene, settings), maker = TURNS[turn], ROVERS[name]
     turning_scene = scenario(scene, rover=toml, duration=seconds, **settings, **GROUNDS[ground])
     trace, commanded = turning_scene.drive(), turning_scene.controller.motion
@@ -147,7 +150,7 @@ def driven(name: str, toml: Path, turn: str, ground: str, seconds: float) -> dic
 
 
 def figure(table: pd.DataFrame, out: Path) -> None:
-    """Draw the driven over the commanded yaw rate."""
+    """Draw the yaw rate that each rover reached against the commanded yaw rate."""
     sheet, axes = new_figure(1, size=(7.0, 3.2))
     labels = [f"{row.rover}, {row.turn}" for row in table[table["ground"] == "sand"].itertuples()]
     for shift, (ground, rows) in zip((-0.18, 0.18), table.groupby("ground", sort=False), strict=False):

@@ -108,7 +108,9 @@ def fit(runs: pd.DataFrame, wheel: Wheel, noise: np.ndarray, starts: tuple) -> t
 
 
 def pressed_in(wheel: Wheel) -> list[float]:
-    """Return K_eff [Pa/m^n] of each pressing of the smooth wheel: no shear, theta_2 = -theta_1."""
+    """Return the pressure modulus K_eff [Pa/m^n] of each test in which the smooth wheel was pressed into the sand
+    without turning. The soil has no shear stress in these tests, and the contact is symmetric (theta_2 = -theta_1).
+    """
     presses = pd.read_csv(DATA / "penetration.csv").query("indenter == 'wheel_smooth' and sinkage_m > 0.004")
     soil = TABLE_1.replace(c=0.0, phi=0.0, n=EXPONENT, k_1=wheel.b**EXPONENT)
     moduli = []

@@ -59,7 +59,9 @@ V, OMEGA = "Odometry_DeltaPosition_1", "Odometry_AngularVelocity_3"
 
 
 def main() -> None:
-    """Close the loop on some runs, predict others with its model, and print and write the errors."""
+    """Search for the missing effect in some runs (`close_the_loop`), predict other runs with the resulting model, and
+    print and write the errors.
+    """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, nargs="?", help="of the downloaded CSVs")
     parser.add_argument("--quick", action="store_true", help="a made-up drive of that layout against odometry alone")
@@ -148,7 +150,9 @@ def against_odometry(log: DriveLog) -> list[dict[str, Any]]:
 
 
 def closed(log: DriveLog, out: Path) -> list[dict[str, Any]]:
-    """Return the errors on parts left out one by one: odometry, base model, and the loop's model."""
+    """Return the errors on parts of the data that are left out one after another, for odometry, for the base model, and
+    for the model with the added effects.
+    """
     verdict = close_the_loop(log, out=out / "loop", progress=print)
     print(verdict.summary())
     # Odometry with fitted slip, track and tracked point is the rival of the physics.
@@ -160,7 +164,9 @@ def closed(log: DriveLog, out: Path) -> list[dict[str, Any]]:
 
 
 def predicted(log: DriveLog, later: DriveLog, models: tuple[Model, ...], runs: str) -> list[dict[str, Any]]:
-    """Return the errors of odometry and of two models on later runs; all were fitted to `log`."""
+    """Return the errors of odometry, of the base model and of the model with the added effects on later runs. All three
+    were fitted to `log`.
+    """
     # The log to which everything was fitted, and the later log, with the same channels.
     fitted, later_runs = (experiment_on(drive_log, models[0])[0] for drive_log in (log, later))
     odometry = {

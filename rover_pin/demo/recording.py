@@ -35,7 +35,8 @@ BODY_COLUMNS = {
 """Column of the recording -> channel of the simulated sensors, and factor from its SI unit to the unit of the
 column."""
 WHEEL_COLUMNS = {"pwm_{}_percent": ("duty_{}", 1e2), "rpm_{}": ("wheel_rate_{}", RPM), "i_{}_mA": ("current_{}_A", 1e3)}
-"""The same for each wheel, whose name takes the place of the braces."""
+"""Columns that exist once for each wheel -> channel of the simulated sensors, and factor from its SI unit to the unit
+of the column. The name of the wheel replaces the braces."""
 
 
 def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress: Progress | None = None) -> DemoSet:

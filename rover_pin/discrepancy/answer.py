@@ -1,4 +1,4 @@
-"""The seven answers of the loop about a model and its data."""
+"""The seven answers of the search for missing effects about a model and its data."""
 
 from enum import Enum
 
@@ -6,7 +6,7 @@ from rover_pin.base.errors import ParameterError, closest
 
 
 class Answer(Enum):
-    """The answer of the loop; docs/loop.md explains the rule for each.
+    """The answer of the search for missing effects; docs/loop.md explains the rule for each.
 
     - NAMED: one effect is missing, and the data determine which.
     - SET: an effect is missing, but several sets of effects remain possible.

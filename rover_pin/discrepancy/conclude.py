@@ -98,9 +98,9 @@ def with_next(question: Question, verdict: Verdict, progress: Progress) -> Verdi
 def with_draft(verdict: Verdict, drafted: Callable[[Fit], Draft | None], seed: int) -> Verdict:
     """Return the verdict, with a drafted effect and its errors added if no known effect explains the residual.
 
-    A drafted effect is an effect file that the loop writes from the shape of the residual. `drafted` is a function that
-    takes the fit of the kept model and returns the drafted effect, or None if no formula describes the residual. `seed`
-    starts the random numbers of the bootstrap.
+    A drafted effect is an effect file that the search for missing effects writes from the shape of the residual.
+    `drafted` is a function that takes the fit of the kept model and returns the drafted effect, or None if no formula
+    describes the residual. `seed` starts the random numbers of the bootstrap.
     """
     if verdict.after is None or verdict.answer not in (Answer.NONE_FITS, Answer.LIKE):
         return verdict

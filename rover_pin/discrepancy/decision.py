@@ -1,4 +1,5 @@
-"""Decide the answer of the loop from the probabilities of all hypotheses, and write the answer as a sentence.
+"""Decide the answer of the search for missing effects from the probabilities of all hypotheses, and write the answer as
+a sentence.
 
 Two further rules are in other files: `conclude` rejects a base model whose fitted parameters are far from their
 declared values, and `rivals` rejects a model if a plain curve predicts the data better.
@@ -22,7 +23,9 @@ small by this factor only once in 50 cases."""
 
 
 class Decision(NamedTuple):
-    """The answer of the loop, the causes that are added to the model, and the sets of causes that remain possible."""
+    """The answer of the search for missing effects, the causes that are added to the model, and the sets of causes that
+    remain possible.
+    """
 
     answer: Answer
     retained: tuple[str, ...] = ()

@@ -1,5 +1,5 @@
-"""A drafted effect: an effect file that the loop writes for a residual that no known effect explains, and the trial fit
-with this effect.
+"""A drafted effect: an effect file that the search for missing effects writes for a residual that no known effect
+explains, and the trial fit with this effect.
 """
 
 import math

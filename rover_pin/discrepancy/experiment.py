@@ -1,4 +1,5 @@
-"""An experiment in one file: a class with everything that the loop needs to know about data of a new kind.
+"""An experiment in one file: a class with everything that the search for missing effects needs to know about data of a
+new kind.
 
 A user writes such a class, for example for a joint on a test rig. The package also contains such experiments.
 """
@@ -68,7 +69,9 @@ class FileExperiment(Experiment, LoopData):
 
     @abstractmethod
     def base_model(self) -> Any:
-        """Return the model that the loop starts from, with its declared parameters, before anything is fitted."""
+        """Return the model that the search for missing effects starts from, with its declared parameters, before
+        anything is fitted.
+        """
 
     @abstractmethod
     def uncertain(self, model: Any) -> tuple[Parameter, ...]:
@@ -111,8 +114,8 @@ class FileExperiment(Experiment, LoopData):
         """Return the runs that could be measured next, as an experiment with one fold for each run; None if no further
         run is possible.
 
-        The loop proposes the most informative of these runs. The measured values (`observed`) are 0 in this experiment,
-        because nothing is measured yet.
+        The search for missing effects proposes the most informative of these runs. The measured values (`observed`) are
+        0 in this experiment, because nothing is measured yet.
         """
         return None
 

@@ -2,7 +2,8 @@
 
 A fold is a group of samples that cross-validation holds out together, such as a run or all samples with one slip. A
 sample is a measured value of one channel that is compared with the prediction; in a drive log each sample is the mean
-over a short time. "Before" and "after" mean: without and with the causes that the loop added to the model.
+over a short time. "Before" and "after" mean: without and with the causes that the search for missing effects added to
+the model.
 """
 
 import dataclasses
@@ -54,11 +55,11 @@ class ChannelScore(NamedTuple):
     name: str
     unit: str
     floor: float
-    """RMS of the noise, which no model can beat"""
+    """RMS of the noise in the unit of the channel: the smallest error that a model can reach"""
     before: float
     after: float
     change: float
-    """after / before - 1"""
+    """relative change of the error by the added causes: after / before - 1; negative if the error decreases"""
     low: float
     """lower end of the 95 % interval of the change"""
     high: float
@@ -121,7 +122,7 @@ class RunScore(NamedTuple):
     before: float
     after: float
     low: float
-    """lower end of the 95 % interval of after / before - 1"""
+    """lower end of the 95 % interval of the relative change, after / before - 1"""
     high: float
     """upper end of the 95 % interval of the change. The bootstrap for this interval resamples stretches of successive
     samples of the fold"""

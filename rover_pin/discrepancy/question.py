@@ -1,7 +1,7 @@
-"""The question that the loop answers, and the interface of the data that the loop works on.
+"""The question that the search for missing effects answers, and the interface of the data that the search works on.
 
-The loop itself knows no kind of data. Each kind is a class with the interface `LoopData`: a wheel rig, a drive log, or
-an experiment in one file of a user.
+The search itself knows no kind of data. Each kind is a class with the interface `LoopData`: a wheel rig, a drive log,
+or an experiment in one file of a user.
 """
 
 from abc import ABC, abstractmethod
@@ -42,7 +42,7 @@ class Question:
     "name of the data"
     experiment: Experiment
     model: Any
-    """base model that the loop starts from"""
+    """base model that the search for missing effects starts from"""
     numbers: tuple[Parameter, ...]
     """uncertain parameters of the base model, which every fit adjusts"""
     candidates: Callable[[Fit], Sequence[Candidate]]
@@ -60,8 +60,8 @@ class Question:
 
 
 class LoopData(ABC):
-    """Interface of measured data for the loop: the data check, the question, and the results that only this kind of
-    data has.
+    """Interface of measured data for the search for missing effects: the data check, the question, and the results that
+    only this kind of data has.
 
     A new kind of data is one class with these methods. The methods with a default add nothing, so that `name`,
     `base_model` and `question` suffice.
@@ -77,7 +77,7 @@ class LoopData(ABC):
 
     @abstractmethod
     def base_model(self) -> Any:
-        """Return the model that the loop starts from, before anything is fitted."""
+        """Return the model that the search for missing effects starts from, before anything is fitted."""
 
     @abstractmethod
     def question(self, kinds: Sequence[type], progress: Progress = quiet) -> Question:
@@ -114,5 +114,7 @@ class LoopData(ABC):
 
     @contextmanager
     def resuming(self, progress: Progress = quiet) -> Iterator[None]:
-        """Keep the finished steps of the loop while this context is active, so that a stopped loop can be continued."""
+        """Keep the finished steps of the search for missing effects while this context is active, so that a stopped
+        search can be continued.
+        """
         yield

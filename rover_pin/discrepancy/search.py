@@ -243,7 +243,7 @@ class Search:
     evidence and the log evidence of the fit. It is subtracted from further estimates with this cause. The difference
     arises if the change of the prediction is not proportional to the size of the effect"""
     lost: set[Names] = field(default_factory=set)
-    """sets without a converged fit"""
+    """sets of causes for which no fit converged"""
 
     def beliefs(self) -> Beliefs:
         """Return the probabilities of all sets of causes, fitted or estimated. Sets whose estimated score is more than

@@ -1,4 +1,4 @@
-"""The verdict of the loop: the answer, the evidence for it, and the reasons to doubt it."""
+"""The verdict of the search for missing effects: the answer, the evidence for it, and the reasons to doubt it."""
 
 import math
 from dataclasses import dataclass, field
@@ -63,7 +63,7 @@ class Alternative(NamedTuple):
 @brief
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """Result of the loop.
+    """Result of the search for missing effects.
 
     `model` is the kept model with its fitted numbers and the added effects; it can predict or drive at once.
     `summary()` is the whole verdict as text, and `as_dict()` the content of verdict.json.
@@ -101,8 +101,8 @@ class Verdict:
     runs: tuple[RunScore, ...] = field(default=(), repr=False)
     """held-out errors of every fold"""
     chosen: dict[str, str] = field(default_factory=dict)
-    """causes that the loop would choose without the data of one fold, by name of this fold; an empty text
-    for no cause"""
+    """causes that the search for missing effects would choose without the data of one fold, by name of this fold; an
+    empty text for no cause"""
     vetoes: tuple[str, ...] = ()
     """reasons against the name of the added effect, for example a size at its bound"""
     cautions: tuple[str, ...] = ()
@@ -134,13 +134,14 @@ class Verdict:
     others: dict[str, Alternative] = field(default_factory=dict, repr=False)
     """other sets of causes that the data do not distinguish from the kept causes, by name"""
     draft: Draft | None = field(default=None, repr=False)
-    """effect that the loop drafted for a residual that no known effect explains, with the result of its trial"""
+    """effect that the search for missing effects drafted for a residual that no known effect explains, with the result
+    of its trial"""
     extra: Extra | None = field(default=None, repr=False)
     """results that only this kind of data has"""
     files: tuple[Path, ...] = ()
     """files that were written"""
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
-    """versions, seed, duration, and the command that repeats the loop"""
+    """versions, seed, duration, and the command that repeats the search for missing effects"""
 
     @property
     def deciding_beliefs(self) -> Beliefs | None:
@@ -162,8 +163,8 @@ class Verdict:
 
     @property
     def agreeing_folds(self) -> int:
-        """Number of folds whose data the choice does not depend on: without them, the loop chooses the causes of the
-        verdict.
+        """Number of folds whose data the choice does not depend on: without them, the search for missing effects
+        chooses the causes of the verdict.
         """
         return sum(set(name.split(" + ")) == set(self.named or ("",)) for name in self.chosen.values())
 

@@ -207,8 +207,8 @@ class Experiment(ABC):
         """Return copies of a local candidate (an effect that acts on a stretch of the path only) with slightly
         different stretches.
 
-        In each copy the edges of the stretch are moved by `step` [m]. The loop compares the copies to find the stretch
-        that fits best. The result is empty if the candidate is not local.
+        In each copy the edges of the stretch are moved by `step` [m]. The search for missing effects compares the
+        copies to find the stretch that fits best. The result is empty if the candidate is not local.
         """
         return ()
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 from scipy.special import ndtri
 
 CONFIDENCE = 0.95
-"""Minimum probability of a statement that counts as certain: an answer of the loop, the coverage of an interval, the
-significance of a decrease of chi2. Below this probability, a report lists several possibilities. The value is the
-custom of the field, and the package uses it everywhere."""
+"""Minimum probability of a statement that counts as certain: an answer of the search for missing effects, the coverage
+of an interval, the significance of a decrease of chi2. Below this probability, a report lists several possibilities.
+The value is the custom of the field, and the package uses it everywhere."""
 MAJORITY = 0.5
 """Limit of one half: a statement with a larger probability is more likely true than not, and a larger fraction is the
 main part."""

@@ -51,7 +51,7 @@ class MotorBrake(FileExperiment):
         return cls(motor, folds, points[:, :2], points[:, 2:4], np.sqrt(np.nanmean(points[:, 4:] ** 2, axis=(0, 2))))
 
     def base_model(self) -> Parts:
-        """Return the declared motor without any effect. The loop may add effects to this model."""
+        """Return the declared motor without any effect. The search for missing effects may add some to this model."""
         return Parts({"motor": self.motor})
 
     def uncertain(self, model: Parts) -> tuple[Parameter, ...]:

@@ -31,7 +31,7 @@ SHARES = (0.25, 0.5, 0.75, 1.0)
 def record(name: str, meaning: str, **numbers: tuple[float, str, float, float]) -> Any:
     """Return a class with the numbers of one part of the system (such as an arm) or of one law (such as friction).
 
-    The loop fits these numbers and states them with their units.
+    The search for missing effects fits these numbers and states them with their units.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ class OverTime(FileExperiment):
         return self.units[channel]
 
     def base_model(self) -> Parts:
-        """Return the declared parts without any law. The loop may add laws to this model."""
+        """Return the declared parts without any law. The search for missing effects may add laws to this model."""
         return self.declared
 
     def uncertain(self, model: Parts) -> tuple[Parameter, ...]:

@@ -51,7 +51,8 @@ STUCK = 1.0
 R_SD = 0.15
 """Prior SD of the coefficient R of the motion resistance [-] (assumed)."""
 MIN_SLOPES = 4
-"""Minimum number of different slopes. With fewer slopes, the loop gives no answer. Why: three numbers are uncertain."""
+"""Minimum number of different slopes. With fewer slopes, the search for missing effects gives no answer. Why: three
+numbers are uncertain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +102,8 @@ class SlipSlope(FileExperiment):
         return cls(rover, soil, gravity, folds, slopes, slip, mean_sd, declared, name)
 
     def base_model(self) -> Parts:
-        """Return the declared soil with traction and motion resistance of this rover. The loop may add effects to this
-        model.
+        """Return the declared soil with traction and motion resistance of this rover. The search for missing effects
+        may add effects to this model.
         """
         # Effects that only act while a rover turns or accelerates have no influence on a steady drive.
         traction = SoilTraction(TorqueTraction(), usual_angles(self.rover))
@@ -143,8 +144,8 @@ class SlipSlope(FileExperiment):
         return "slope [deg]", np.degrees(self.slopes)
 
     def insufficient(self) -> str:
-        """Return why the data are too few for an answer of the loop (too few slopes or runs); an empty text if they are
-        enough.
+        """Return why the data are too few for an answer of the search for missing effects (too few slopes or runs); an
+        empty text if they are enough.
         """
         # Slopes that agree within 0.1 deg count as one slope.
         count = len(np.unique(np.round(np.degrees(self.slopes[np.isfinite(self.slopes)]), 1)))

@@ -39,8 +39,8 @@ LACKS = {
     "body_z": "no height: slopes are computed from the pitch alone",
     "body_roll": "no roll: the loads of the left and right wheels are taken as equal",
 }
-"""Text in a channel name -> sentence on the limits of the loop if no channel name contains this text. A raw current
-counts as a current."""
+"""Text in a channel name -> sentence on the limits of the search for missing effects if no channel name contains this
+text. A raw current counts as a current."""
 BOTH_WAYS_SHARE = 0.05
 """Minimum fraction of the driven rows that must go forwards, and also backwards, if a rover counts as driving in both
 directions."""
@@ -87,7 +87,7 @@ class Matching(NamedTuple):
     values: Mapping[Path, Mapping[str, np.ndarray]]
     """for each recording: channel name -> values (rows,) in SI"""
     lacks: tuple[str, ...]
-    """one sentence for each missing channel: its name, and the limits of the loop without it"""
+    """one sentence for each missing channel: its name, and the limits of the search for missing effects without it"""
     unused: tuple[str, ...]
     """names of the recorded columns that no channel uses"""
     notes: tuple[str, ...]

@@ -37,8 +37,8 @@ from rover_pin.simulation.trace.channels import WHOLE, is_column
 
 log = logging.getLogger(__name__)
 MAX_RUNS = 12
-"""Maximum number of runs of an imported log, unless the user asks for more. Runs are costly, because the loop simulates
-each of them hundreds of times."""
+"""Maximum number of runs of an imported log, unless the user asks for more. Runs are costly, because the search for
+missing effects simulates each of them hundreds of times."""
 
 LARGE = 5_000_000
 """Maximum size of a file [bytes] that is read without an announcement. Reading a larger file takes long, so the program

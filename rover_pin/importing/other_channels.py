@@ -444,8 +444,8 @@ def _axes(words: Sequence[Word], names: set[str]) -> dict[str, Word]:
 def _turn_evidence(
     z: Sequence[np.ndarray], recordings: Sequence[Recording], values: Sequence[Mapping[str, np.ndarray]]
 ) -> float:
-    """Return the log Bayes factor that a turn rate about z agrees with the change of the heading, compared once a
-    second.
+    """Return the evidence that a recorded turn rate belongs to the z axis, as a log Bayes factor. The turn rate,
+    integrated over one second, is compared with the change of the heading in this second.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Cut a long recording into runs at stops and gaps, and keep the most informative runs if there are too many.
 
-The loop simulates every run hundreds of times, so runs should be short and few. Several runs are needed, because each
-is predicted by a model that was fitted to the others.
+The search for missing effects simulates every run hundreds of times, so runs should be short and few. Several runs are
+needed, because each is predicted by a model that was fitted to the others.
 """
 
 import math

@@ -44,7 +44,7 @@ from rover_pin.inference.samples import scale_inputs
 @brief
 @dataclass(frozen=True, eq=False)
 class Offer:
-    """A group of possible next measurements. The loop proposes the most informative one.
+    """A group of possible next measurements. The search for missing effects proposes the most informative one.
 
     It is an experiment. Each of its folds (for example a run) is one measurement that can be made but has no values
     yet.

@@ -72,8 +72,8 @@ class _Projection(NamedTuple):
     along: np.ndarray
 
     def gains(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the increase of the log evidence by the function for several amplitudes (amplitudes,): each is a prior
-        SD a of the function's coefficients.
+        """Return the increases of the log evidence by the function (amplitudes,), one for each given amplitude. An
+        amplitude is the prior SD of the function's coefficients.
         """
         # In the eigenvectors of S the gain is a sum over directions, so that all amplitudes are computed at once.
         shares = amplitudes[:, None] ** 2 / (1.0 + amplitudes[:, None] ** 2 * self.values)

@@ -40,7 +40,7 @@ from rover_pin.simulation.model.effect_files import known_effects
 from rover_pin.simulation.model.model import Model
 
 Measurements = RigSet | RigExperiment | DriveLog | FileExperiment
-"""The types of measured data in memory on which the loop can run."""
+"""The types of measured data in memory on which the search for missing effects can run."""
 
 
 @public
@@ -132,8 +132,8 @@ def close_the_loop(
 
 
 def close(data: LoopData, request: LoopRequest, progress: Progress = quiet) -> Verdict:
-    """Run the loop on checked data, and return the verdict. If the request names a folder, the results are written
-    there.
+    """Run the search for missing effects on checked data, and return the verdict. If the request names a folder, the
+    results are written there.
     """
     start = time.monotonic()
     # All checks of the data have passed, so the user may now read that old results will be replaced.
@@ -150,7 +150,8 @@ def close(data: LoopData, request: LoopRequest, progress: Progress = quiet) -> V
 def verdict_on(
     data: LoopData, kinds: Sequence[type] | None = None, progress: Progress = quiet, seed: int = 0
 ) -> Verdict:
-    """Return the verdict of the loop on checked data, with the additional results that this kind of data has.
+    """Return the verdict of the search for missing effects on checked data, with the additional results that this kind
+    of data has.
 
     If the data are insufficient, the answer is "cannot tell", and no model is fitted.
 
@@ -169,7 +170,7 @@ def verdict_on(
 def loop_data(
     measurements: Measurements, request: LoopRequest, workers: Workers = 1, progress: Progress = quiet
 ) -> LoopData:
-    """Check measured data, and return them together with the starting model of the loop.
+    """Check measured data, and return them together with the starting model of the search for missing effects.
 
     `request` holds the user's arguments, such as the model to start from. `workers` replay the runs of a drive log.
 
@@ -247,7 +248,7 @@ MADE_BY = (
 
 
 def start_on(data: RigSet | DriveLog, file: str | Path, trust: Trust = Trust()) -> RigModel | Model:
-    """Read a model file, and return it as the starting model of the loop on these data.
+    """Read a model file, and return it as the starting model of the search for missing effects on these data.
 
     See `start_on_log` for a drive log, and `start_on_rig` for a wheel-rig set.
 

@@ -36,7 +36,9 @@ MOTOR_CONSTANTS = ("supply", "resistance", "k_t", "gear")
 
 
 class DataCheck(NamedTuple):
-    """Result of the check of measured data. The data were not refused, so the loop can run on them."""
+    """Result of the check of measured data. The data were not refused, so the search for missing effects can run on
+    them.
+    """
 
     kind: str
     "kind of the data: wheel-rig or drive-log"
@@ -44,12 +46,13 @@ class DataCheck(NamedTuple):
     """content of the data set in one line, such as the numbers of runs and channels"""
     findings: tuple[Finding, ...]
     too_poor: str
-    """reason why the loop cannot find an answer with these data, and what to measure in addition; empty if they
-    suffice"""
+    """reason why the search for missing effects cannot find an answer with these data, and what to measure in addition;
+    empty if they suffice"""
 
 
 def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
-    """Check the measured data in a folder as the loop does before it fits anything, and return the findings.
+    """Check the measured data in a folder as the search for missing effects does before it fits anything, and return
+    the findings.
 
     `folder` may also be the name of a sample of the package.
 

@@ -22,8 +22,8 @@ from rover_pin.simulation.model.effect_files import run_file
 
 @cache
 def package_experiments() -> dict[str, type[FileExperiment]]:
-    """Return the package's own experiment classes on which the loop can run, by the name of their file without
-    suffix.
+    """Return the package's own experiment classes on which the search for missing effects can run, by the name of their
+    file without suffix.
     """
     names = [module.name for module in pkgutil.iter_modules(rover_pin.experiments.__path__) if not module.ispkg]
     modules = {name: importlib.import_module(f"rover_pin.experiments.{name}") for name in names}

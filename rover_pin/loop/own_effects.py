@@ -21,7 +21,7 @@ from rover_pin.terrain.shapes import flat
 
 
 def refuse_unfit_effects(path: str | Path) -> None:
-    """Check that the loop can add and remove each effect in a user's file or folder.
+    """Check that the search for missing effects can add and remove each effect in a user's file or folder.
 
     An effect must declare its neutral values, at which it vanishes, and its formulas must be computable.
 
@@ -32,7 +32,7 @@ def refuse_unfit_effects(path: str | Path) -> None:
 
 
 def refuse_unfit_offered_effects() -> None:
-    """Check that the loop can add and remove each effect that another installed package offers.
+    """Check that the search for missing effects can add and remove each effect that another installed package offers.
 
     Raises DataError if such an effect cannot be imported or used; the message names the package.
     """
@@ -41,7 +41,9 @@ def refuse_unfit_offered_effects() -> None:
 
 
 def _refuse_unfit(kinds: Mapping[type[AnyEffect], str]) -> None:
-    """Check that the loop can use each effect in `kinds`: class -> words for the origin of the class."""
+    """Check that the search for missing effects can use each effect in `kinds`: class -> words for the origin of the
+    class.
+    """
     rover = load_rover("nexus6")
     # The model of a common rover is enough to compute the formulas of an effect once.
     effects = base_effects(Soil(), rover, SoilTraction())

@@ -29,7 +29,9 @@ class LoopRequest:
 
     @property
     def command(self) -> str:
-        """The command line that repeats the loop. If no command line can repeat it, this is a call in Python."""
+        """The command line that repeats the search for missing effects. If no command line can repeat it, this is a
+        call in Python.
+        """
         # Objects in memory have no path that a command line could name.
         for name, source in (*(("data", folder) for folder in self.folders), ("a model", self.model)):
             if not isinstance(source, (str, Path, type(None))):
@@ -46,10 +48,11 @@ class LoopRequest:
         return self.data if isinstance(self.data, tuple) else (self.data,)
 
     def again_with(self, effects: Path) -> str:
-        """Return the command line that repeats the loop and also tries the effects in the file `effects`.
+        """Return the command line that repeats the search for missing effects and also tries the effects in the file
+        `effects`.
 
-        The text is empty if no command line can repeat the loop, or if the loop already used an effect file, because a
-        command takes only one such file.
+        The text is empty if no command line can repeat the search, or if the search already used an effect file,
+        because a command takes only one such file.
         """
         repeats = self.command.startswith("rover-pin") and self.effects is None
         return self._line(effects, None) if repeats else ""

@@ -40,8 +40,8 @@ def write_results(verdict: Verdict, data: LoopData, request: LoopRequest) -> Ver
 def write_draft(verdict: Verdict, request: LoopRequest, out: Path) -> tuple[Verdict, list[Path]]:
     """Write the file of the drafted effect if the verdict has one. Return the verdict, and the list of written files.
 
-    A drafted effect is an effect that the loop proposes for the remaining residual. The returned verdict also has the
-    command line that tries this effect.
+    A drafted effect is an effect that the search for missing effects proposes for the remaining residual. The returned
+    verdict also has the command line that tries this effect.
     """
     if verdict.draft is None:
         return verdict, []

@@ -45,7 +45,7 @@ class VerdictPage:
     source: str = ""
     "origin of the data"
     model_file: bool = True
-    "whether the loop wrote a single model file, so that a command can simulate a drive"
+    """whether the search for missing effects wrote a single model file, so that a command can simulate a drive"""
 
 
 def write_verdict(verdict: Verdict, page: VerdictPage, out: Path) -> list[Path]:
@@ -75,9 +75,10 @@ def write_verdict(verdict: Verdict, page: VerdictPage, out: Path) -> list[Path]:
 
 
 def repeat_section(verdict: Verdict, labels: Labels, model_file: bool = True) -> Section | None:
-    """Return the section with command, seed and versions for a repetition of the loop; None if they are unknown.
+    """Return the section with command, seed and versions for a repetition of the search for missing effects; None if
+    they are unknown.
 
-    `model_file` is True if the loop wrote a single model file; the section then describes this model.
+    `model_file` is True if the search wrote a single model file; the section then describes this model.
     """
     if not verdict.provenance:
         return None

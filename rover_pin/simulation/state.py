@@ -142,7 +142,7 @@ class DriveEnd:
     timing: Timing
     """step, control period and time between rows that the caller requested"""
     fine: Timing
-    """these times, with the shorter step that the drive took"""
+    """the times of `timing`, but with the step that the drive actually took, which may be shorter"""
     place: tuple[float, float]
     "x and y [m] at which the drive began"
     symmetric: bool

@@ -1,7 +1,8 @@
 """From measured data to a better control: identified models, torque bounds, tuned gains, and the predicted benefit.
 
-The loop (`close_the_loop`) identifies models from the data. Several models that are equally probable represent the
-uncertainty of the identification. The benefit of the control is predicted from drives on all of these models.
+The search for missing effects (`close_the_loop`) identifies models from the data. Several models that are equally
+probable represent the uncertainty of the identification. The benefit of the control is predicted from drives on all of
+these models.
 """
 
 from __future__ import annotations
@@ -93,11 +94,11 @@ class Prediction(NamedTuple):
     """
 
     mean: float
-    """mean of the values on the models"""
+    """predicted value: the mean of the values that the models give"""
     low: float
-    """lower end of the interval, which contains the true rover's value with the probability COVERAGE"""
+    """lower end of the interval that contains the value of the true rover with the probability COVERAGE"""
     high: float
-    "upper end of the interval"
+    """upper end of the interval that contains the value of the true rover with the probability COVERAGE"""
 
     @classmethod
     def of(cls, values: Any) -> Prediction:

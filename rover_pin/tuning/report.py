@@ -84,9 +84,9 @@ class CostStatistics(NamedTuple):
     """Statistics of the costs of several drives with one control, as the tables of the report show them."""
 
     mean: float
-    "mean cost"
+    "mean cost of the drives"
     worst: float
-    "largest cost"
+    """largest cost of a drive"""
     tail: float
     """mean cost of the worst 10 % of the drives; if there are fewer than ten drives, the cost of the worst drive"""
     stuck: float

@@ -103,7 +103,9 @@ def whole_drive(case: Scenario, repeats: int) -> float:
 
 
 def coarsest_kept(case: Scenario) -> Scenario:
-    """Return the drive at the coarsest step that its ground allows and whose x is within the tolerance."""
+    """Return the drive with the coarsest time step that its ground allows and that keeps the error of x within the
+    tolerance.
+    """
     # The control period divided by 1, 2, 3, ...: from coarse to fine.
     steps = (case.timing.control / parts for parts in itertools.count(1))
     borne = (dt for dt in steps if with_step(case, dt).drive(measure_error=False).attrs["dt_s"] == dt)
@@ -111,19 +113,19 @@ def coarsest_kept(case: Scenario) -> Scenario:
 
 
 def distance(case: Scenario, dt: float, reference_dt: float) -> float:
-    """Print and return the maximum distance in x [mm] between a drive and the same drive at a finer step."""
+    """Print and return the maximum difference in x [mm] between a drive and the same drive with a finer time step."""
     off = 1e3 * float(np.max(np.abs(at_step(case, dt) - at_step(case, reference_dt))))
     print(f"    x at dt = {1e3 * dt:g} ms against dt = {1e3 * reference_dt:g} ms: {off:.4f} mm")
     return off
 
 
 def with_step(case: Scenario, dt: float) -> Scenario:
-    """Return the drive at another step."""
+    """Return the drive with another time step."""
     return dataclasses.replace(case, timing=dataclasses.replace(case.timing, dt=dt))
 
 
 def at_step(case: Scenario, dt: float) -> np.ndarray:
-    """Return x over time of the drive at a step."""
+    """Return the position x over time [m] of the drive with a given time step."""
     return with_step(case, dt).drive(measure_error=False)["body_x"]
 
 

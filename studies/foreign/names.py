@@ -129,5 +129,5 @@ LANGUAGES = {
 
 
 def parted(names: str) -> list[str]:
-    """Return the column names in one entry."""
+    """Return the column names that one entry of LANGUAGES contains, as a list."""
     return names.split("|") if "|" in names else names.split()

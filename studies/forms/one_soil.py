@@ -31,7 +31,8 @@ THE_LAW = "the law"
 """Name of the law that predicts a set from the others."""
 GRIP = "LugGrip.h_l"
 Cells = tuple[str, str, float, float, float, float, str]
-"""Set, law, errors of pull [N], sinkage [mm] and side force [N], of all in units of their noise, fitted sizes."""
+"""Row of the table of results: data set, law, errors of pull [N], of sinkage [mm] and of side force [N], error of all
+channels together in units of their noise, and fitted sizes as text."""
 
 
 def fitted(joint: RigExperiment, effects: tuple[Effect, ...]) -> Fit:

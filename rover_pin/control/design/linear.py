@@ -30,7 +30,7 @@ MAX_ACCELERATION = 0.02
 """Maximum acceleration of the base at a trim point [m/s^2, rad/s^2]. A state with a larger acceleration is no trim
 point and is refused."""
 OUTPUT_COLUMNS = {"slip": RECORD.index("slip"), "current": RECORD.index("current")}
-"""Column of a wheel's slip and of its current in the simulation's record of a step, by the name of the output."""
+"""Name of an output that each wheel has (slip, motor current) -> its column in the simulation's record of a step."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -230,8 +230,8 @@ class RouteControl(LawControl):
 
     @property
     def fresh(self) -> np.ndarray:
-        """The memory of the law at the start of a drive, all zeros: arc length 0, no arrival, and servo integrals of
-        0.
+        """The memory of the control law at the start of a drive, all zeros: arc length driven along the route, time of
+        arrival (0: not yet arrived), and integrals of the wheel servos.
         """
         return np.zeros(2 + len(self.rover.wheels))
 

@@ -1,5 +1,5 @@
-"""Compute the noise of the half-second means of a log from the scatter of the samples or from declared SDs. The loop
-(`rover_pin.loop`) compares these means with the model.
+"""Compute the noise of the half-second means of a log from the scatter of the samples or from declared SDs. The search
+for missing effects (`rover_pin.loop`) compares these means with the model.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,5 @@
-"""Compute the features of a logged run: half-second means of channels, measured and replayed, which the loop compares.
+"""Compute the features of a logged run: half-second means of channels, measured and replayed, which the search for
+missing effects compares.
 
 `logged_run` turns one run of a log into a `LoggedRun`, which holds the measured features and the commands for a replay
 (a simulation of this run). `LoggedRun.features` computes these features from a replay. Some features are channels of
@@ -79,8 +80,8 @@ would then count twice."""
 class LoggedRun:
     """One run of a log with its measured features and the commands for its replay.
 
-    A feature is a half-second mean that the loop compares, with one value for each block of BLOCK seconds. A replay is
-    a simulation with the logged commands, with rows at equal time steps.
+    A feature is a half-second mean that the search for missing effects compares, with one value for each block of BLOCK
+    seconds. A replay is a simulation with the logged commands, with rows at equal time steps.
     """
 
     name: str
@@ -117,8 +118,8 @@ class LoggedRun:
         return blocks(self.commands.t, self.commands.period)
 
     def features(self, channels: Mapping[str, np.ndarray], sensors: Sequence[SensorEffect] = ()) -> np.ndarray:
-        """Return the features of a replay (channels, blocks), that is, the half-second means that the loop compares
-        with the log.
+        """Return the features of a replay (channels, blocks), that is, the half-second means that the search for
+        missing effects compares with the log.
 
         Parameters
         ----------

@@ -1,4 +1,6 @@
-"""A drive log in the form that the loop needs: data check, base model, candidates, and additional results."""
+"""A drive log in the form that the search for missing effects needs: data check, base model, candidates, and additional
+results.
+"""
 
 import dataclasses
 import functools
@@ -44,7 +46,7 @@ from rover_pin.simulation.model.toml_file import RIG_KIND, read_model, write_mod
 
 
 def start_on_log(log: DriveLog, file: str | Path, trust: Trust = Trust()) -> Model:
-    """Read a model file and return it as the starting model of the loop on a drive log.
+    """Read a model file and return it as the starting model of the search for missing effects on a drive log.
 
     If the file holds the model of a single wheel, soil, traction law and contact effects come from this file, and
     rover, motors and ground from the log.
@@ -70,13 +72,13 @@ def start_on_log(log: DriveLog, file: str | Path, trust: Trust = Trust()) -> Mod
 
 @dataclass(frozen=True, eq=False)
 class DriveLogData(LoopData):
-    """A drive log with everything that the loop needs: the start model, worker processes, and a store of finished
-    replays.
+    """A drive log with everything that the search for missing effects needs: the start model, worker processes, and a
+    store of finished replays.
     """
 
     log: DriveLog
     model: Model | None = None
-    """starting model of the loop; None: the model that the log declares"""
+    """starting model of the search for missing effects; None: the model that the log declares"""
     workers: Workers = 1
     memory: Memory = Memory()
     kind: ClassVar[str] = "drive-log"
@@ -85,7 +87,7 @@ class DriveLogData(LoopData):
     def starting_from(
         cls, log: DriveLog, start: Any, workers: Workers = 1, trust: Trust = Trust(), memory: Memory = Memory()
     ) -> "DriveLogData":
-        """Return a drive log together with the starting model of the loop.
+        """Return a drive log together with the starting model of the search for missing effects.
 
         `start` is the model of a rover, a model file, or None for the model that the log declares.
 
@@ -129,12 +131,12 @@ class DriveLogData(LoopData):
         return self.log.metadata.name
 
     def base_model(self) -> Model:
-        """Return the starting model of the loop."""
+        """Return the starting model of the search for missing effects."""
         return self.model if self.model is not None else base_model(self.log)
 
     def question(self, kinds: Sequence[type], progress: Progress = quiet) -> Question:
-        """Return the question of the loop on this log: which effect, at which wheel, channel or place, does the model
-        lack?
+        """Return the question of the search for missing effects on this log: which effect, at which wheel, channel or
+        place, does the model lack?
 
         `kinds` are the classes of the effects that are considered.
         """
@@ -161,7 +163,9 @@ class DriveLogData(LoopData):
         return f"{len(self.log.runs)} runs, {seconds:.0f} s, rover {self.log.metadata.rover}"
 
     def insufficient(self) -> str:
-        """Return why the runs vary too little for an answer of the loop, or an empty text if they vary enough."""
+        """Return why the runs vary too little for an answer of the search for missing effects, or an empty text if they
+        vary enough.
+        """
         return too_poor(self.log)
 
     def findings(self) -> tuple[Finding, ...]:

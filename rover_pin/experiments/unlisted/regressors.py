@@ -170,7 +170,7 @@ def _duty(scene: Scene, run: int, part: Part) -> np.ndarray:
 
 
 def _replayed_signal(channel: str) -> Signal:
-    """Return the signal that is a simulated channel, averaged over the wheels of an action's part.
+    """Return a function that gives a simulated channel as a signal, averaged over the wheels on which the action acts.
 
     The simulated channel is used instead of the measured one, because a measured channel contains the noise that it has
     to explain.
@@ -224,7 +224,8 @@ def _smooth(scene: Scene, act: Act, names: Sequence[str]) -> list[Argument]:
 
 
 def _angle(scene: Scene, run: int, part: Part) -> np.ndarray:
-    """Return the rotation of the wheel of an action's part since the run began, in each row [rad] (rows,).
+    """Return the angle [rad] (rows,) by which the wheel on which the action acts has turned since the run began, in
+    each row.
 
     The angle is the integral of the measured wheel rate, by the trapezoidal rule.
     """

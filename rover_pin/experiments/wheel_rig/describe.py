@@ -244,7 +244,8 @@ coefficient is larger, that is the limit."""
 
 
 def draft_curve(experiment: RigExperiment, fit: Fit) -> tuple[str, Candidate] | None:
-    """Draft an effect that would cause the residual of a fit, as the text of its file and as a candidate for the loop.
+    """Draft an effect that would cause the residual of a fit, as the text of its file and as a candidate for the search
+    for missing effects.
 
     The result is None if no residual is a smooth curve beyond chance. It is also None for several data sets, because
     their residuals may differ.

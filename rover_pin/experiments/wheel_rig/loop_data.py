@@ -56,7 +56,7 @@ log = logging.getLogger(__name__)
 
 
 def start_on_rig(data: RigSet, file: str | Path, trust: Trust = Trust()) -> RigModel:
-    """Read a model file and return it as the starting model of the loop on a rig data set.
+    """Read a model file and return it as the starting model of the search for missing effects on a rig data set.
 
     The file may hold the model of a wheel on a rig or of a rover. From a rover's model, soil, traction law and contact
     effects are used with the wheel of the rig. Effects that cannot act on a rig are removed with a warning.
@@ -96,7 +96,7 @@ class RigData(LoopData):
 
     @classmethod
     def starting_from(cls, data: RigSet, start: Any, trust: Trust = Trust()) -> "RigData":
-        """Return one data set together with the starting model of the loop.
+        """Return one data set together with the starting model of the search for missing effects.
 
         Parameters
         ----------
@@ -129,7 +129,9 @@ class RigData(LoopData):
         return self.experiment.name
 
     def base_model(self) -> RigModel | JointModel:
-        """Return the starting model of the loop: the given model, or otherwise the model that the data sets declare."""
+        """Return the starting model of the search for missing effects: the given model, or otherwise the model that the
+        data sets declare.
+        """
         return self.model if self.model is not None else self.experiment.base_model()
 
     def question(self, kinds: Sequence[type], progress: Progress = quiet) -> Question:
@@ -173,7 +175,7 @@ class RigData(LoopData):
         return tuple(findings(self.experiment))
 
     def extra(self, verdict: Verdict, question: Question, progress: Progress = quiet, seed: int = 0) -> Verdict:
-        """Return the verdict of the loop extended by the results that only rig data have.
+        """Return the verdict of the search for missing effects extended by the results that only rig data have.
 
         These results are diagnostics of the models, cautions, and held-out errors of simple curves. `seed` is the seed
         of the permutation tests of the residuals.

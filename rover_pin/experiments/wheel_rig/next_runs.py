@@ -24,7 +24,7 @@ LOADS = (0.5, 1.0, 2.0)
 def next_runs(sets: Sequence[RigSet]) -> Offer:
     """Return the runs that could be measured next in all data sets, with the noise that the data sets state.
 
-    The loop chooses those runs that are expected to give most information.
+    The search for missing effects chooses those runs that are expected to give most information.
     """
     experiment = RigExperiment(tuple(map(runs_ahead, sets)))
     return Offer(experiment, experiment.noise())

@@ -201,8 +201,8 @@ def ghosts(verdict: Verdict, log: DriveLog, sides: Sides | None) -> Callable[[],
 
     This is the run with the largest deviation of the base model from the measurements. The view shows the measured
     drive as a solid rover, and the free runs of the base model and of the model with added effects as transparent
-    rovers (ghosts). If the loop has worker processes, one of them makes the view while the rest of the report is
-    written. The returned function returns None if no run was simulated.
+    rovers (ghosts). If the search for missing effects has worker processes, one of them makes the view while the rest
+    of the report is written. The returned function returns None if no run was simulated.
     """
     free = [free_run for free_run in extra_of(verdict).free if np.isfinite(free_run.before)]
     if sides is None or not free:

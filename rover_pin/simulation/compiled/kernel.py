@@ -306,7 +306,7 @@ class StepLayout(NamedTuple):
     step: int
     "size of the struct Step [bytes]"
     questions: int
-    "largest number of evaluations of the contact law in one call"
+    """largest number of contact-law evaluations that one call of the library needs"""
     lanes: int
     """number of SIMD lanes: the contact and motor laws evaluate this number of patches or wheels together"""
 

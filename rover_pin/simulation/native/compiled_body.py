@@ -160,8 +160,8 @@ def elimination(
 
 
 def _all_meet(meets: list[set[int]], group: Iterable[int]) -> None:
-    """Enter into `meets` (speed -> its neighbours) that all speeds of a group are neighbours of each other and of
-    themselves.
+    """Make all speeds of a group neighbours of each other and of themselves. `meets` holds the neighbours of each speed
+    and is changed.
     """
     members = set(group)
     for i in members:

@@ -48,7 +48,7 @@ class ShearStore(NamedTuple):
     """(T,) energy that the soil has stored since the previous row, L sum f_n M(s) ds (`shear_store` defines the
     symbols); negative if the soil has returned energy"""
     stored: np.ndarray
-    """(T,) total energy that is stored at the row"""
+    """(T,) total energy that the sheared soil has stored at each row"""
 
     @property
     def overdrawn(self) -> float:
@@ -118,7 +118,7 @@ class SpuriousEnergy(NamedTuple):
     """largest decrease of the energy that the soil has taken, minus the energy that had pressed the wheels into the
     soil"""
     meanwhile: float
-    """work of the motors in the intervals of a traction law that returned energy"""
+    """work of the motors during those intervals between rows in which the traction law returned energy [J]"""
 
 
 def spurious_energy(model: Model, trace: Trace, least: float = 0.0) -> SpuriousEnergy:

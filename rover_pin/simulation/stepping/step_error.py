@@ -40,7 +40,7 @@ class StepChange(NamedTuple):
     ratio: float
     """step of the repetition divided by the step of the drive"""
     lessens: bool = True
-    """whether the error became smaller when the step was halved for the last time"""
+    """whether the estimated error decreased when the step was last halved"""
 
     @property
     def errors(self) -> dict[str, float]:

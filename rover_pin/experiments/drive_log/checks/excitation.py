@@ -32,8 +32,8 @@ MIN_TIME_FRACTION = 0.1
 """Minimum fraction of the driven time that a manoeuvre must take, if the log is to count as containing it."""
 
 MIN_RUNS, MIN_TIME = 2, 20.0
-"""Minimum number of runs, and minimum driven time [s], of a log. For a smaller log, the loop gives no answer. One run
-is held out; 20 s are 40 half-second blocks for about 20 uncertain numbers."""
+"""Minimum number of runs, and minimum driven time [s], of a log. For a smaller log, the search for missing effects
+gives no answer. One run is held out; 20 s are 40 half-second blocks for about 20 uncertain numbers."""
 
 
 def excitation_findings(runs: Sequence[RunBlocks], where: str) -> Iterator[Finding]:

@@ -1,9 +1,9 @@
 """Apply all checks of a drive log, and list them in tables with their limits and remedies.
 
-A check of a run is a row (statistic, limit, remedy) of the table REFUSALS or NOTES. `refuse_unfit` stops the loop
-before it fits a log that would mislead every model. `findings` returns the notes for the reader. Checks of the whole
-log (its rover, channels, declared values and manoeuvres) are called directly. `read_drive_log` has already refused
-decreasing times, text in place of numbers, duties in percent, and undeclared wheels.
+A check of a run is a row (statistic, limit, remedy) of the table REFUSALS or NOTES. `refuse_unfit` stops the search for
+missing effects before it fits a log that would mislead every model. `findings` returns the notes for the reader. Checks
+of the whole log (its rover, channels, declared values and manoeuvres) are called directly. `read_drive_log` has already
+refused decreasing times, text in place of numbers, duties in percent, and undeclared wheels.
 """
 
 import math
@@ -122,7 +122,8 @@ NOTES: tuple[Check, ...] = (
           "take the potentiometers' zero on level ground, or expect a sensor bias"),
     Check(motors.doubtful_current_signs, motors.OPPOSITE, "check the zero and the sign of the channel"),
 )  # fmt: skip
-"""Checks whose faults are notes for the reader. The loop uses such a run and takes the fault into account."""
+"""Checks whose faults are notes for the reader. The search for missing effects uses such a run and takes the fault into
+account."""
 
 
 def refuse_unfit(log: DriveLog) -> None:
@@ -246,8 +247,8 @@ def declared_findings(log: DriveLog) -> Iterator[Finding]:
     """Yield notes on the declared values of a log: soil and motor numbers that are not declared, and noise that is too
     small.
 
-    A number that is not declared is reported with the value that the loop assumes. A declared noise is too small if the
-    samples scatter by more than MAX_NOISE_RATIO times the declared SD.
+    A number that is not declared is reported with the value that the search for missing effects assumes. A declared
+    noise is too small if the samples scatter by more than MAX_NOISE_RATIO times the declared SD.
     """
     rover = log.load_rover()
     records: dict[str, Record] = {"soil": usual_soil(rover)}

@@ -2,7 +2,8 @@
 
 Each check is a function of a run and a limit that yields the faults of the run. `log.py` lists all checks with their
 limits. A wrong sign refuses a run only if the correlation of two channels cannot be explained by chance
-(`is_significant`). If chance may explain it, the fault is only a note, and the loop uses the channel unchanged.
+(`is_significant`). If chance may explain it, the fault is only a note, and the search for missing effects uses the
+channel unchanged.
 """
 
 from collections.abc import Iterator
@@ -59,8 +60,8 @@ def wrong_wheel_signs(run: RunBlocks, limit: float) -> Remarks:
 def doubtful_current_signs(run: RunBlocks, limit: float) -> Remarks:
     """Yield the currents of a run whose sign is opposite to the sign of their duty, if chance may explain this.
 
-    The loop compares these currents unchanged, so the reader is asked to check them. `limit` (OPPOSITE) is the
-    correlation about zero; two channels with a smaller correlation have opposite signs.
+    The search for missing effects compares these currents unchanged, so the reader is asked to check them. `limit`
+    (OPPOSITE) is the correlation about zero; two channels with a smaller correlation have opposite signs.
     """
     yield from ((what, todo) for what, todo, is_certain in _wheel_signs(run, limit) if not is_certain)
 

@@ -100,8 +100,9 @@ MAX_DEVIATION = 2.0
 sum of noise wanders by more than one unit (assumed)."""
 
 ROUND_OFF = 1e-6
-"""Maximum SD of the distance between a pose from odometry and the travel of the rims, as a fraction of the travel, if
-the pose has no noise: the digits of a log."""
+"""Tolerance for the rounding of numbers in a log, as a fraction of the travel. If the SD of the difference between the
+pose and the travel of the rims is below it, the pose counts as computed from the wheel rates, even if the pose shows no
+noise."""
 
 MAX_NOISE_SHARE = 0.001
 """Maximum ratio of the noise of a pose to its travel, for a comparison with odometry. At this limit, a slip that varies
@@ -396,8 +397,8 @@ class RimFit(NamedTuple):
 
 
 def pose_of_the_wheels(run: RunBlocks, limit: float) -> Remarks:
-    """Yield a fault if the pose was computed from the wheel rates, because the loop would then find a rover that never
-    slips.
+    """Yield a fault if the pose was computed from the wheel rates, because the search for missing effects would then
+    find a rover that never slips.
 
     The pose is taken as computed if it agrees with the rims with a mean slip below `limit`, and if it has the noise of
     the wheel rates. A log that declares `place = "odometry"` is not checked.
