@@ -112,9 +112,9 @@ def tune_gains(
     >>> from rover_pin import tune_gains
     >>> tune_gains("studies/tune_onboard.toml", "out/tune").gains  # doctest: +SKIP
     """
+    refuse_both(workers, scheduler)
     if isinstance(study, (str, Path)):
         study = read_tuning(study)
-    refuse_both(workers, scheduler)
     # All scenarios are built once before the search, so that a mistake in one of them is reported at once.
     study = seal(study)
     for case in (*study.training, *study.held_out):
