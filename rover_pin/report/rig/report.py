@@ -26,6 +26,8 @@ from rover_pin.report.words import Labels, capital, key, kinds_of, listing
 UNSEEN = Labels("at slips that were not fitted", "levels of slip")
 """Words that the report uses for wheel-rig data. Slip levels, which are held out one after another, have their names
 here."""
+WITH_PRESSINGS = UNSEEN._replace(folds="levels of slip or pressing trials")
+"""Words for data that also have pressing trials, each of which is held out like a slip level."""
 
 
 def labels_of(data: RigSet) -> Labels:
@@ -34,7 +36,7 @@ def labels_of(data: RigSet) -> Labels:
     A slip level is called by its slip, such as "S = 0.5", instead of its name.
     """
     descriptions = meanings(data)
-    return UNSEEN._replace(fold=lambda name: descriptions.get(name, name))
+    return (WITH_PRESSINGS if data.trials else UNSEEN)._replace(fold=lambda name: descriptions.get(name, name))
 
 
 def write_report(verdict: Verdict, experiment: RigExperiment, out: Path) -> list[Path]:
@@ -45,12 +47,13 @@ def write_report(verdict: Verdict, experiment: RigExperiment, out: Path) -> list
     # A joint fit of several sets gets a picture of all points, and a section with the errors of each set.
     if len(experiment.sets) > 1:
         count = int(np.isfinite(experiment.observed).any(axis=1).sum())
-        kicker = f"{len(experiment.sets)} sets in one sand: {count} runs at {len(experiment.folds)} levels of slip"
+        labels = WITH_PRESSINGS if any(data.trials for data in experiment.sets) else UNSEEN
+        kicker = f"{len(experiment.sets)} sets in one sand: {count} runs at {len(experiment.folds)} {labels.folds}"
         sections = (set_by_set_section(verdict),)
         order = ", then ".join(experiment.runs)
         caption = f"Each run is drawn once: {order}. A vertical line marks the beginning of a level."
         picture = ("points", points_picture(verdict, experiment, caption))
-        page = VerdictPage(UNSEEN, experiment.name, kicker, picture, sections, model_file=False)
+        page = VerdictPage(labels, experiment.name, kicker, picture, sections, model_file=False)
         return write_verdict(verdict, page, out)
     (data,) = experiment.sets
     kicker = f"{data.slip.size} runs at {len(data.level_names)} levels of slip"
