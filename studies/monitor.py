@@ -144,7 +144,10 @@ class Beside:
 
 
 def watched(case: Case, seed: int) -> list[float]:
-    """Return a drive as a flat list: end [s], buried, number of stuck periods, the periods, the monitor's output."""
+    """Simulate a drive with the monitor, and return the results as a flat list of numbers: end of the drive [s],
+    whether a wheel was buried, number of periods of being stuck, start and end of these periods, and the forecasts of
+    the monitor.
+    """
     # The monitor reads noisy sensors, like a monitor on a real rover.
     scene = built(case)
     beside = Beside(Monitor.of(scene.model))

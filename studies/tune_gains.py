@@ -125,7 +125,9 @@ def log_edges(centres: np.ndarray) -> np.ndarray:
 
 
 def landscape(study: TuningStudy, S_d: float, k_p: np.ndarray, k_i: np.ndarray, out: Path) -> np.ndarray:
-    """Return the cost over the grid. An interrupted run continues, as the tuning does."""
+    """Return the mean cost for each pair of gains (k_p, k_i) of a grid. If the study was interrupted, it continues with
+    the stored costs.
+    """
     laws = [SlipLaw(study.before.replace(S_d=S_d, k_p=float(p), k_i=float(i))) for p in k_p for i in k_i]
     return reduced_costs(study, Evaluations(out / "landscape", None, None), laws).reshape(len(k_p), len(k_i))
 
@@ -141,7 +143,9 @@ def most_changed(result: TuningResult) -> DriveCase:
 
 
 def drives_figure(result: TuningResult, out: Path) -> None:
-    """Draw x, slip and sinkage of a middle wheel: without control, with the limit, before and after tuning."""
+    """Draw x of the rover, and slip and sinkage of a middle wheel, in four drives: at constant duty, with the torque
+    check alone, and with slip control before and after tuning.
+    """
     case, by = most_changed(result), result.study.estimate
     before = result.study.law_before
     # Four drives of the same case: without control, with the limit, before and after tuning.

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 EFFECTS, SOILS, EXPERIMENTS = "rover_pin.effects", "rover_pin.soils", "rover_pin.experiments"
-"""Names of the groups of entry points for the effects, soils and experiments of a package."""
+"""Names of the entry-point groups in which a Python package announces its effects (EFFECTS), soils (SOILS) and
+experiments (EXPERIMENTS)."""
 
 
 class Offer(NamedTuple):

@@ -37,7 +37,7 @@ def read_verdict(path: Path) -> Side:
             numbers[name] = Value(_to_float(row["value"]), row["unit"], *ends)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise DataError(
-            f"{path}: this is not a verdict of the loop ({type(error).__name__}: {error}); give the results folder "
+            f"{path}: this is not a verdict of close-loop ({type(error).__name__}: {error}); give the results folder "
             f"of a close-loop, or its {FILE}."
         ) from None
     return Side(str(path), words, numbers)

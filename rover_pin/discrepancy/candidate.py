@@ -30,8 +30,8 @@ deviation of a wrong parameter from its declaration, in declared SDs.
 The fit gives the parameter a prior of this width. The value is assumed: a wrong declaration (a wrong unit, a confused
 column) is as a rule wrong by much."""
 MAX_LINEAR_RATIO = 50.0
-"""Minimum ratio of the neutral value of an effect's size (at which the effect vanishes) to its default value. Above it,
-the logarithm of the size is fitted.
+"""Minimum ratio of the neutral value of an effect's size (at which the effect vanishes) to its default value. Above
+this value, the logarithm of the size is fitted.
 
 On a linear scale, the neutral value would lie many steps away from the default, and a fit would not reach it. The value
 50 separates thresholds, whose neutral values are practically infinite, from all other sizes."""

@@ -39,7 +39,7 @@ class Question:
     kind: str
     "kind of data: wheel-rig, drive-log or test-bed"
     name: str
-    "name of the data"
+    """name of the data set"""
     experiment: Experiment
     model: Any
     """base model that the search for missing effects starts from"""

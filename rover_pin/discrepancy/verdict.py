@@ -78,7 +78,7 @@ class Verdict:
     """kind of data: wheel-rig, drive-log or test-bed (any other experiment)"""
     answer: Answer
     name: str
-    "name of the data"
+    """name of the data set"""
     sentence: str
     """the answer as a sentence, with probabilities"""
     model: Any = field(repr=False)

@@ -16,7 +16,8 @@ CHORDS = 8
 """Number of straight pieces that approximate the height between two such points. A piece deviates from the exact
 parabola by at most (change of slope) x length / 3072."""
 MAX_SLOPE, MAX_POSITION = 0.5, 1e4
-"""Bounds of the slopes [rad], and of the position and length of the band [m]. A fit stays within them."""
+"""Bounds of the slopes (MAX_SLOPE) [rad], and of the position and length of the band (MAX_POSITION) [m]. A fit stays
+within them."""
 
 
 @dataclass(frozen=True)

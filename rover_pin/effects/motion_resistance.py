@@ -46,6 +46,6 @@ class MotionResistance(Effect):
 
     def fading(self, rim: Any) -> Any:
         """Return the minimum travel speed [m/s] of the full resistance, for a wheel with the rim speed `rim` [m/s].
-        Below it, the resistance is reduced.
+        Below this value, the resistance is reduced.
         """
         return fading(rim, self.v_0, self.q)

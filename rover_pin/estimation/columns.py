@@ -9,8 +9,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 MIN_IDENTIFIABLE_SHARE = 1e-3
-"""Minimum ratio of a singular value to the largest one. Below it, the direction of the singular value in the space of
-the columns is dropped.
+"""Minimum ratio of a singular value to the largest one. Below this value, the direction of the singular value in the
+space of the columns is dropped.
 
 The size of such a direction would be mostly rounding noise. 1e-3 is far above the rounding of derivatives by finite
 differences, and far below every direction that data determine."""

@@ -15,8 +15,8 @@ import numpy as np
 from rover_pin.base.errors import OptimisationError
 
 MAX_STEPS = 400
-"""Maximum number of trial steps of a descent that was given no maximum of its own. Beyond it, the descent raises
-OptimisationError: a descent that takes 400 steps is assumed not to converge."""
+"""Maximum number of trial steps of a descent that was given no maximum of its own. Beyond this value, the descent
+raises OptimisationError: a descent that takes 400 steps is assumed not to converge."""
 
 MIN_FALL = 1e-6
 """Minimum predicted decrease of chi2 by a full Newton step. With a smaller one, the descent ends. The value is far
@@ -33,8 +33,8 @@ MIN_RADIUS = 1e-10
 prior SDs, which is rounding."""
 
 MIN_SHARE_OF_PROMISE = 0.5
-"""Minimum ratio of the actual to the predicted decrease of chi2 in a step. Below it, reused derivatives count as wrong
-and are computed again. The value is assumed."""
+"""Minimum ratio of the actual to the predicted decrease of chi2 in a step. Below this value, reused derivatives count
+as wrong and are computed again. The value is assumed."""
 
 
 class Point(NamedTuple):

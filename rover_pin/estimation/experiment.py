@@ -20,8 +20,8 @@ from rover_pin.estimation.random_effects.random_field import RandomField
 
 Arrays = dict[str, np.ndarray]
 MIN_NOISE = 1e-6
-"""Minimum SD of the noise of a channel, in its unit, if the noise is estimated from the residual. Without it, a channel
-that never changes would get noise 0 and infinite weight. It is far below the resolution of every sensor."""
+"""Minimum SD of the noise of a channel, in its unit, if the noise is estimated from the residual. Without this minimum,
+a channel that never changes would get noise 0 and infinite weight. It is far below the resolution of every sensor."""
 
 
 class Sensitivities(NamedTuple):

@@ -14,7 +14,7 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import CONFIDENCE
 
 HUBER_THRESHOLD = 4.0
-"""Largest whitened residual [SD] with a quadratic loss. Beyond it, the loss grows linearly (Huber's loss).
+"""Largest whitened residual [SD] with a quadratic loss. Beyond this value, the loss grows linearly (Huber's loss).
 
 Without this limit, an outlier could dominate a fit. White noise exceeds 4 SD once in 16,000 samples, so that an
 ordinary sample keeps its full weight."""

@@ -10,10 +10,11 @@ MAX_NOISE_RATIO = 1.5
 """Largest ratio of a residual to the stated noise at which a report still calls the residual noise. Ratios above 1 are
 accepted, because test rigs scatter in addition to their sensors (assumed)."""
 FLOOR_RATIO = 1.25
-"""Minimum ratio of an error to the noise. Below it, a report claims no improvement of this error, because the error
-cannot fall much further. The RMS of 20 values of white noise exceeds 1.25 SD in 5 % of cases."""
+"""Minimum ratio of an error to the noise. Below this value, a report claims no improvement of this error, because the
+error cannot fall much further. The RMS of 20 values of white noise exceeds 1.25 SD in 5 % of cases."""
 MIN_CHANGE = 5e-5
-"""Minimum relative change of an error. Below it, a report calls the error unchanged; no table shows smaller changes."""
+"""Minimum relative change of an error. Below this value, a report calls the error unchanged; no table shows smaller
+changes."""
 MAX_COVERED_SHARE = 0.8
 """Fraction of a parameter's allowed range: an interval that covers more of the range carries no information about the
 parameter. The interval of a flat distribution covers 0.95."""
@@ -26,7 +27,8 @@ take in more."""
 MAX_NAMED = 4
 """Maximum number of places, channels, sets of causes or reasons that a line of a report names; it counts the others."""
 MIN_MENTIONED = 0.01
-"""Minimum relative change or fraction. Below it, a report omits the number, because it would be printed as 0."""
+"""Minimum relative change or fraction. Below this value, a report omits the number, because it would be printed as
+0."""
 NOT_PREDICTED = "not predicted"
 READERS_UNITS = {"rad": (180 / math.pi, "deg"), "m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "Pa/m^n": (1e-3, "kPa/m^n")}
 """Units for reports, by SI unit: the factor from the SI value, and the name of the unit. Angles are printed in degrees,

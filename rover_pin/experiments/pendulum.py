@@ -23,8 +23,8 @@ from rover_pin.parameters.gravity import EARTH
 from rover_pin.simulation.model.motor import Motor
 
 WIDTH = 0.01
-"""Minimum rate of the arm [rad/s] with full friction. Below it, the smoothed friction changes its sign gradually
-(assumed: below the resolution of a tachometer)."""
+"""Minimum rate of the arm [rad/s] with full friction. Below this value, the smoothed friction changes its sign
+gradually (assumed: below the resolution of a tachometer)."""
 ARM = {
     "mass": (1.0, "kg", 0.0, 1e3),
     "lever": (0.25, "m", 0.0, 10.0),

@@ -37,8 +37,8 @@ without scrub."""
 MAX_BLOCKS, MIN_ROWS = 300, 10
 """Maximum number of blocks over which the signals of a file are averaged, and minimum number of rows of a block."""
 SAME = 0.02
-"""Maximum relative difference between the numbers of two choices, for example of two position columns. Up to it, the
-user need not choose between them."""
+"""Maximum relative difference between the numbers of two choices, for example of two position columns. Up to this
+value, the user need not choose between them."""
 
 
 class Signals(NamedTuple):

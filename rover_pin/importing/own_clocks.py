@@ -29,8 +29,8 @@ MAX_STAMP_OFFSET = 1.0
 """Maximum median difference between the time stamps of a series and the clock of the rows [s]. If the difference is
 larger, the stamps belong to another clock, and the clock of the rows is used for the series."""
 MAX_DRIFT = 5.0
-"""Maximum change of the difference between two clocks over a recording, as a multiple of their step. Up to it, both
-clocks count as one."""
+"""Maximum change of the difference between two clocks over a recording, as a multiple of their step. Up to this value,
+both clocks count as one."""
 MIN_OVERLAP = 0.5
 """Minimum time that two series have in common, as a fraction of the shorter one. With less overlap, their clocks count
 from different starting points, and the table is refused."""

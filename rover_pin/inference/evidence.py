@@ -32,8 +32,9 @@ SEARCH_TOLERANCE = 1e-6
 """Relative decrease of the negative log posterior at which the search for the scales ends. For a value of 1,000 the
 error is then about 0.001 nats, far below the differences between hypotheses that matter."""
 JITTER = 1e-10
-"""Fraction of the noise variance that is added to the diagonal of each covariance matrix of the errors. Without it,
-rounding could make a covariance indefinite, and its Cholesky factor would fail. It changes no result visibly."""
+"""Fraction of the noise variance that is added to the diagonal of each covariance matrix of the errors. Without this
+addition, rounding could make a covariance indefinite, and its Cholesky factor would fail. It changes no result
+visibly."""
 
 
 class Linear(NamedTuple):

@@ -38,8 +38,8 @@ LEADING causes with the largest evidence, and LEADING_FLAT causes with the small
 paired with each other. LEADING_PAIRS pairs are extended to triples. Larger numbers cost time in proportion to their
 square and seldom find a better set (assumed)."""
 MAX_SCORE_GAP = 12.0
-"""Largest difference between the score of the best set of causes and the score of another set [nats]. Up to it, the
-other set is extended by further causes and is fitted with a discrepancy. A set farther behind is e^12, or 160,000,
+"""Largest difference between the score of the best set of causes and the score of another set [nats]. Up to this value,
+the other set is extended by further causes and is fitted with a discrepancy. A set farther behind is e^12, or 160,000,
 times less probable, which one further cause seldom makes up."""
 START_SIZES = 0.5, 0.1
 """Start values for the size of a cause in a fit, as fractions of its default size. The second start finds the minimum

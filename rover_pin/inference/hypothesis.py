@@ -63,7 +63,7 @@ class Hypothesis:
     u: np.ndarray = field(repr=False)
     """most probable parameters (parameters,), in units of their prior SD"""
     predicted: np.ndarray = field(repr=False)
-    """prediction (n,) at u"""
+    """prediction of the measured samples (n,) with the most probable parameters u"""
     slopes: np.ndarray = field(repr=False)
     """derivatives of the prediction by the parameters, d predicted / d u (n, parameters)"""
     errors: ErrorModel = field(repr=False)

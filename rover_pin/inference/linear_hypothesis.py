@@ -48,7 +48,8 @@ class LinearHypothesis:
     """indices (among the further causes of the expansion) of the causes whose sizes were only estimated; empty if all
     causes were fitted"""
     parameters: tuple[Parameter, ...] = field(repr=False)
-    """parameters of the fit, followed by the size of each cause that was only estimated"""
+    """free parameters of the fit, followed by the size of each cause that was not fitted, so that its size is only
+    estimated"""
     posterior: Laplace = field(repr=False)
     log_evidence: float
     discrepancy: Discrepancy = Discrepancy.NONE

@@ -123,8 +123,8 @@ def close_the_loop(
         request = dataclasses.replace(request, data=measurements.folder)
     elif scheduler is not None:
         raise ParameterError(
-            "scheduler is given, but only the loop on a drive log uses a scheduler; on other data the loop takes "
-            "some seconds on one core. Leave scheduler out."
+            "scheduler is given, but only the search for missing effects in a drive log uses a scheduler; with other "
+            "data the search takes some seconds on one core. Leave scheduler out."
         )
     # The folder stays locked, and Ctrl-C ends the workers, until the last file has been written.
     with alone_in(out), ending_workers(), workers_of(jobs or os.cpu_count() or 1, scheduler) as workers:

@@ -30,7 +30,8 @@ SAMPLES = 12
 independent."""
 
 MAX_SINKAGE, MAX_FORCE = 10.0, 1e7
-"""Largest accepted sinkage [m] and force [N] of a pressing trial; a larger value must be in another unit."""
+"""Largest accepted sinkage (MAX_SINKAGE) [m] and force (MAX_FORCE) [N] of a pressing trial. A larger value must have
+been given in another unit."""
 
 EXPONENTS = (0.3, 2.5)
 """Bounds of the search for the sinkage exponent n."""

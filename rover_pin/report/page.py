@@ -78,9 +78,9 @@ class Head(NamedTuple):
     """The texts at the top of a page: name of the data, amount of data, and title."""
 
     name: str
-    "name of the data"
+    "name of the data set"
     kicker: str
-    "amount of data in a few words"
+    """line above the headline that states the amount of data in a few words"""
     title: str
 
 

@@ -29,7 +29,7 @@ class VerdictPage:
     labels: Labels
     """words that the report uses for the kind of data, such as "runs" or "levels of slip" """
     name: str
-    "name of the data"
+    """name of the data set"""
     kicker: str
     """line above the headline that states the amount of data"""
     picture: tuple[str, Picture | None]

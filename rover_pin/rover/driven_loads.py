@@ -28,8 +28,8 @@ MAX_OPEN_SHARE = 0.1
 
 Such a combination of wheel loads, scaled to unit length, leaves every balance of forces and moments unchanged, so that
 any multiple of it could be added to the loads. Up to this component, the load of the wheel counts as determined. Above
-it, the load counts only as a part of a sum (`determinate_groups`). The value is assumed: a component of 0.1 moves the
-load of the wheel by a tenth of the unknown amount."""
+this value, the load counts only as a part of a sum (`determinate_groups`). The value is assumed: a component of 0.1
+moves the load of the wheel by a tenth of the unknown amount."""
 SHARE_ROUNDS = 4
 """Number of iterations for the two ratios rho (motion resistance to load) and eta (side force to load) in
 `driven_loads`. Each iteration makes about one more digit correct."""

@@ -24,8 +24,8 @@ from rover_pin.rover.rover import assemble, is_symmetric, mirror
 from rover_pin.rover.statics import wheel_loads
 
 PLANE_TOLERANCE = 1e-3
-"""Largest spread of the wheel centres across their common plane, divided by their spread along the plane. Beyond it, a
-note states that the wheels are not on one plane."""
+"""Largest spread of the wheel centres across their common plane, divided by their spread along the plane. Beyond this
+value, a note states that the wheels are not on one plane."""
 STABILITY_SLOPE = 0.02
 """Slope [rad]. A rover must be in static balance on it, as on level ground. A body that is only balanced on a free
 pivot is not in balance on this slope, so that the slope shows an unstable balance."""

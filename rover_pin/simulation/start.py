@@ -25,9 +25,9 @@ RESTS, SLIDES = "at rest", "slides: the soil does not hold the rover there with 
 at rest at its start, or whether the rover slides down from there."""
 AT_ORIGIN = "assumed: the base at the origin, along x"
 NO_DIRECTION_SPEED = 1.0
-"""Minimum speed [m/s] for a single direction of travel while a rover is set down. Below it, the contact laws of forward
-travel and of backward travel are blended. It is far larger than in a drive, because a rover at rest has no direction of
-travel."""
+"""Minimum speed [m/s] for a single direction of travel while a rover is set down. Below this value, the contact laws of
+forward travel and of backward travel are blended. It is far larger than in a drive, because a rover at rest has no
+direction of travel."""
 SLIDE = [0, 1, 5]
 """Indices in the velocity v of the base's three degrees of freedom along the ground: x, y and yaw."""
 LOCKING_INERTIA = 1e15

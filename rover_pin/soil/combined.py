@@ -14,8 +14,8 @@ from rover_pin.soil.stress import strength, stress_scale
 from rover_pin.soil.wheel_forces import WheelForces, assemble
 
 MIN_SHIFT = 1e-12
-"""Minimum shear displacement, divided by the shear displacement modulus k of the soil [-]. Below it, the shear stress
-fades to zero. Without this limit, the direction of a displacement of zero would be 0 / 0."""
+"""Minimum shear displacement, divided by the shear displacement modulus k of the soil [-]. Below this value, the shear
+stress fades to zero. Without this limit, the direction of a displacement of zero would be 0 / 0."""
 
 
 class ShearedSideways(NamedTuple):

@@ -18,8 +18,8 @@ ROUNDING = 0.01
 slope is continuous."""
 
 FADING_TRAVEL = 0.02
-"""Minimum ratio of the travel speed to the larger of rim speed and travel speed. Below it, `drift` fades to zero,
-because a wheel that spins in place has no direction of travel."""
+"""Minimum ratio of the travel speed to the larger of rim speed and travel speed. Below this value, `drift` fades to
+zero, because a wheel that spins in place has no direction of travel."""
 
 MIN_RATIO_POWER = 1e-64
 """Minimum that `spinning` adds to the eighth power of the ratio of the wheel's speed to its rim speed. At a ratio of

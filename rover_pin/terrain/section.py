@@ -32,8 +32,8 @@ DEEPEST = 0.98
 this sinkage; simulations stop at a much smaller sinkage."""
 
 NORMAL_TOLERANCE = 1e-11
-"""Maximum difference between the components of two unit normals. Up to it, neighbouring facets of one soil are joined
-to one facet."""
+"""Maximum difference between the components of two unit normals. Up to this value, neighbouring facets of one soil are
+joined to one facet."""
 
 
 class WheelFrame(NamedTuple):

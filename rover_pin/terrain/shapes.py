@@ -30,7 +30,7 @@ DEG = math.pi / 180.0
 """One degree [rad]."""
 FARTHEST = 1e6
 """Maximum absolute value of the position of a shape [m], and of the position [m] and yaw angle [rad] at which a rover
-starts. Beyond it, round-off exceeds a fraction of a millimetre or milliradian."""
+starts. Beyond this value, round-off exceeds a fraction of a millimetre or milliradian."""
 
 FIG_10 = "paper, Fig 10 and section 4"
 Ground = Annotated[int, spec("", "assumed: an index of the model's soils, 0 the sand, 1 the hard ground", 0, 255)]

@@ -267,8 +267,8 @@ def improve(
         close_the_loop(data, None, effects, loop, progress, jobs=workers, trust=trust)
     if not is_folder(loop / POSTERIOR):
         raise DataError(
-            f"{loop}: the loop has written no models to the folder {POSTERIOR}, so that the control cannot be tuned on "
-            "models from the data. The report of the loop states why. Measure more data, or tune on a model of your "
+            f"{loop}: close-loop wrote no models to the folder {POSTERIOR}, so that the control cannot be tuned on "
+            "models from the data. The report of close-loop states why. Measure more data, or tune on a model of your "
             "own: rover-pin tune --model FILE."
         )
     # Tune on all models of the posterior, so that the gains do not fit one of them by chance.

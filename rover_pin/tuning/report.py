@@ -20,7 +20,7 @@ from rover_pin.tuning.drive_score import Cost, Score
 from rover_pin.tuning.study import SlipLaw, TuningStudy
 
 COST_TOLERANCE = 1e-3
-"""Minimum difference between the mean costs of two controls. Below it, the costs count as equal."""
+"""Minimum difference between the mean costs of two controls. Below this value, the costs count as equal."""
 
 
 class Candidate(NamedTuple):

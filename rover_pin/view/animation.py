@@ -25,7 +25,7 @@ from rover_pin.view.colours import draw_heights, slip_colour
 from rover_pin.view.film import Film
 
 PICTURES_PER_SECOND, MAX_PICTURES = 10, 100
-"""Number of pictures per second of an animation, and largest number of its pictures. A longer drive is played faster
+"""Number of pictures per second of an animation, and largest number of pictures in it. A longer drive is played faster
 than in reality, as the title states."""
 COLOURS = 64
 """Number of colours of a GIF. All pictures share one palette of these colours, which keeps the file small."""

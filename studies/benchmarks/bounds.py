@@ -62,7 +62,7 @@ def without_compiler() -> TorqueBounds:
 
 
 def least(call: Callable[[], object], number: int, repeats: int) -> float:
-    """Return the smallest of the mean times per call [us], one mean per repeat."""
+    """Return the time of one call [us]: each repeat measures a mean time, and the smallest mean is returned."""
     best = math.inf
     for _ in range(repeats):
         # The mean of a short loop removes the cost of the clock; the minimum removes interruptions by other processes.
@@ -84,12 +84,14 @@ def by_scipy() -> WheelBounds:
 
 
 def one_by_scipy(load: float) -> tuple[float, float]:
-    """Return T_sat and T_lim of one wheel at one load."""
+    """Return the torque bounds T_sat (soil failure) and T_lim (slip limit) of one wheel at one load."""
     return torque(lambda j: 1.0, load), torque(lambda j: -math.expm1(-j / SOIL.k), load)
 
 
 def torque(share: Callable[[float], float], load: float) -> float:
-    """Return r^2 b int tau at the theta_1 that carries the load; `share` gives the used share of the strength."""
+    """Return the torque r^2 b int tau dtheta at the entry angle theta_1 that carries the load. The function `share`
+    gives the mobilised fraction of the shear strength.
+    """
     r, b = WHEEL.r, WHEEL.b
 
     # Bekker's normal stress at theta, for an arc that begins at theta_1.

@@ -32,7 +32,8 @@ except ImportError:  # in the former version
 sys.argv[0] = "rover-pin"
 main()
 """
-"""Code of the installed script, in the present and in the former version."""
+"""Python code that runs a command of the package, in the present version and in the version before the commands were
+made cheap."""
 COMMANDS = {"--help": (), "drive flat": ("--out", "drive"), "curve": ("--out", "curve"), "bounds": ()}
 
 

@@ -23,7 +23,7 @@ CORNERS = {
     "es words": ("delantera_izquierda", "delantera_derecha", "trasera_izquierda", "trasera_derecha"),
     "it": ("ant_sx", "ant_dx", "post_sx", "post_dx"),
 }
-"""Corners in the order front left, front right, rear left, rear right."""
+"""Style of naming -> names of the four wheels, in the order front left, front right, rear left, rear right."""
 SIDES = {
     "en": ("left", "right"),
     "de": ("links", "rechts"),

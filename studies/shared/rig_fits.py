@@ -21,7 +21,7 @@ STARTS, WIDER = 6, (1.0, 2.0, 4.0)
 multiplied by the factors of WIDER, one after the other."""
 SURPRISE = 1e-3
 """Smallest probability of a chi2 as large as the fitted one, if the declared noise were the only cause of the residual.
-Below it, the residual counts as larger than the noise."""
+Below this value, the residual counts as larger than the noise."""
 
 
 def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter], seed: int = 0) -> Fit:

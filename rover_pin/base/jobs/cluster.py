@@ -12,10 +12,10 @@ from rover_pin.base.jobs.safe_environment import safe_path
 from rover_pin.base.jobs.workers import working_for
 
 CONNECT_SECONDS = 5
-"""Maximum time to connect to a Dask scheduler [s]. After it, the scheduler counts as absent."""
+"""Maximum time to connect to a Dask scheduler [s]. After this time, the scheduler counts as absent."""
 START_SECONDS = 30
-"""Maximum time to wait for the answer of a Dask scheduler, and then for its first worker [s]. After it, an error is
-raised. A busy machine may need 10 s to start a worker."""
+"""Maximum time to wait for the answer of a Dask scheduler, and then for its first worker [s]. After this time, an error
+is raised. A busy machine may need 10 s to start a worker."""
 MAX_JOBS_AT_ONCE = 8
 """Maximum number of short jobs that are sent to a process together."""
 Workers = Any

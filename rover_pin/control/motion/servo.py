@@ -30,8 +30,8 @@ from rover_pin.simulation.stepping.timing import CONTROL_PERIOD
 from rover_pin.simulation.trace.trace import Trace
 
 MIN_TURN_RATIO = 0.5
-"""Minimum ratio of the driven yaw rate to the commanded yaw rate. Below it, a drive reports that the rover does not
-follow the command."""
+"""Minimum ratio of the driven yaw rate to the commanded yaw rate. Below this value, a drive reports that the rover does
+not follow the command."""
 MAX_COMMAND = 1e3
 """Maximum speed [m/s] or rate [rad/s] that may be commanded; it is far above the speed of every motor."""
 

@@ -72,7 +72,7 @@ class DriveExperiment(Experiment):
     jobs: Workers = 1
     """worker processes that replay the runs"""
     memory: Memory = field(default=Memory(), repr=False)
-    """store of results in files; a stopped loop continues from it"""
+    """store of results in files, from which a search that was stopped can continue"""
     recent: Recent = field(default_factory=Recent, repr=False)
     """store of the most recently computed predictions in this process"""
     noise_sd: Mapping[str, float] = field(default_factory=dict, repr=False)
@@ -116,7 +116,9 @@ class DriveExperiment(Experiment):
 
     @property
     def free(self) -> DriveExperiment:
-        """The same experiment, but the rover drives freely from its start, without corrections to the logged place."""
+        """A copy of this experiment, in which the simulated rover drives freely from its start, without corrections
+        towards the logged place.
+        """
         # NaN as the place means that a replay gets no corrections.
         runs = tuple(_held_to(run, np.full_like(run.commands.place, np.nan)) for run in self.runs)
         return dataclasses.replace(self, runs=runs)
@@ -272,8 +274,8 @@ class DriveExperiment(Experiment):
         return np.array([self.read_run(index, replay, sensors) for index, replay in enumerate(replays)])
 
     def read_run(self, at: int, replay: Replay, sensors: Sequence[SensorEffect]) -> np.ndarray:
-        """Return the features of the run with index `at` (channels, blocks) as sensors with errors would measure them
-        in its replay.
+        """Return the features (half-second means) of a replay as the given sensors, with their errors, would measure
+        them (channels, blocks). `at` is the index of the run.
         """
         return self._common(self.runs[at], self.runs[at].features(replay.channels, sensors))
 

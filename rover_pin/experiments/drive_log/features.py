@@ -42,7 +42,7 @@ BLOCK = 0.5
 the duration of a duty, 2.5 s."""
 LEAK = 2.0
 """Time constant [s] of the decay of summed distances and turns. In a sum without decay, the first error of a run would
-have the largest weight. With it, the noise of the ground adds up over this time only."""
+have the largest weight. With the decay, the noise of the ground adds up over the time constant only."""
 BEGIN = 1.0
 """Time at the start of a run that is not compared [s], because tracker and wheels may already move (assumed)."""
 SLOW = 0.2

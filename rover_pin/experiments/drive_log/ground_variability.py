@@ -20,7 +20,7 @@ MIN_GAIN = 10.8 * LEARNT_NOISE_INFLATION
 exceeds 10.8, the value of chi2 with one degree of freedom, once in 1,000 logs."""
 MAX_SURVEY_ERROR = math.radians(0.1)
 """Maximum RMS difference between the slope of the ground and the declared slope [rad]: 2 mm in a metre (assumed). Up to
-it, the ground counts as declared, even if the difference is significant."""
+this value, the ground counts as declared, even if the difference is significant."""
 
 
 class Stretch(NamedTuple):

@@ -97,7 +97,7 @@ class DriveLogData(LoopData):
         model = start_on_log(log, start, trust) if isinstance(start, (str, Path)) else start
         if not isinstance(model, (Model, type(None))):
             raise DataError(
-                f"{log.folder}: the loop on a drive log starts from the model of a rover, but this is a "
+                f"{log.folder}: close-loop on a drive log starts from the model of a rover, but this is a "
                 f"{type(model).__name__}; give a model of the rover or a model file."
             )
         if model is not None:

@@ -17,7 +17,7 @@ from rover_pin.rover.wheel_base import wheel_places
 from rover_pin.simulation.logged_inputs import fill_gaps
 
 CURVE, GIVEN = "kinematic model with fitted slip", "the measured wheel rates"
-"""Name of the odometry in reports, and the input that the odometry is given."""
+"""Texts for reports: the name of the odometry (CURVE), and the input that the odometry is given (GIVEN)."""
 POINT_STEP = 1e-3
 """Displacement of the tracked point [m] for the finite differences that give the derivatives with respect to its
 place."""

@@ -37,8 +37,8 @@ OTHER_WIDTH = 1.05
 """Minimum ratio of the widest to the narrowest wheel. From this ratio on, k_1 and k_2 can be distinguished, so that k_2
 is free. Widths are stated to about 1 %."""
 SAME_RUN = 0.02
-"""Maximum difference between the channels of two runs, as a fraction of their SDs. Up to it, the runs of two data sets
-count as one run."""
+"""Maximum difference between the channels of two runs, as a fraction of their SDs. Up to this value, the runs of two
+data sets count as one run."""
 INPUT_SCALE = 0.05
 """Number that takes the place of the SD of slip, of slip angle [rad] and of the logarithm of the load when runs of two
 data sets are compared. Two runs can be one run if these inputs differ by less than 0.001."""

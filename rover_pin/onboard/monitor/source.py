@@ -24,7 +24,7 @@ from rover_pin.simulation.native.shared import c_table, members, struct_fields
 from rover_pin.simulation.outcome.outcome import MIN_TRAVEL_RATIO
 
 STEP, STEPS = 0.2, 20
-"""Time step of the forecast [s], and number of steps."""
+"""Time step of the forecast (STEP) [s], and number of time steps (STEPS)."""
 HORIZON = STEP * STEPS
 """Time that the forecast covers [s]."""
 MAX_SPEED_RATIO = 1.1

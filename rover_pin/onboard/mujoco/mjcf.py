@@ -21,7 +21,8 @@ from rover_pin.simulation.start import Start, settled_state
 from rover_pin.simulation.state import DriveState
 
 GROUND_HALF_WIDTH, GROUND_CELLS = 5.0, 200
-"""Half the width of the ground that MuJoCo draws [m], and the number of cells along each of its sides."""
+"""Half of the width of the ground that MuJoCo draws (GROUND_HALF_WIDTH) [m], and number of cells along each side of the
+ground (GROUND_CELLS)."""
 
 TIMESTEP = 0.005
 """Default time step of MuJoCo [s], half of the usual step of a drive, because MuJoCo's integrator is of first order."""

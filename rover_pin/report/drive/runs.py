@@ -24,7 +24,8 @@ from rover_pin.report.svg import AFTER, BEFORE, GREY, NOISE
 from rover_pin.simulation.trace.channels import wheel_of
 
 MAX_CHANNELS, MAX_OF_A_KIND, MAX_RUNS = 5, 2, 2
-"""Maximum number of channels, of channels of one kind (such as wheel rates), and of runs in a figure."""
+"""Maximum numbers in a figure: of channels (MAX_CHANNELS), of channels of one kind such as wheel rates (MAX_OF_A_KIND),
+and of runs (MAX_RUNS)."""
 LOOKS = ((BEFORE, "--", "base model"), (AFTER, "-", "with added effects"))
 """Colour, line style and label for the base model (first entry) and for the model with added effects (second entry)."""
 WORDS = {

@@ -25,7 +25,7 @@ MAX_CORNERS = MAX_MESH_BYTES // 16
 """Largest number of triangle corners in a mesh file; a shape that is placed several times counts several times. It is
 about the number of corners in an STL file of the largest size, which has 16.7 bytes for each corner."""
 STL_HEAD, STL_TRIANGLE = 84, 50
-"""Sizes of the head of a binary STL file and of each triangle in it [bytes]."""
+"""Size of the head of a binary STL file (STL_HEAD), and size of each triangle in the file (STL_TRIANGLE) [bytes]."""
 MAX_PARTS = 1000
 """Largest number of parts, groups and materials of a mesh. A mesh with more is refused, because each takes milliseconds
 to read, and in OBJ the time for each grows with their number."""

@@ -25,8 +25,8 @@ from rover_pin.simulation.native.shared import ENERGY, RECORD, DriveStruct, fill
 from rover_pin.simulation.state import DriveState
 
 DIRECTION_SPEED = 0.005
-"""Minimum mean of rim speed and travel speed [m/s] for a single direction of travel. Below it, the contact laws of
-forward and of backward travel are blended. Without the blend, the forces would jump where a wheel changes its
+"""Minimum mean of rim speed and travel speed [m/s] for a single direction of travel. Below this value, the contact laws
+of forward and of backward travel are blended. Without the blend, the forces would jump where a wheel changes its
 direction."""
 HOLDING_INERTIA = 1e6
 """Inertia of a wheel that is held to a measured rate, divided by the rover's m r^2 (mass times squared wheel radius).

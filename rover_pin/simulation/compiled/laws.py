@@ -27,7 +27,7 @@ LOAD_ENTRIES = 4
 of the patch, is for a test rig only."""
 MAX_STATES = 8
 """Largest number of states that all contact effects may have together at one wheel, and that all motor effects may have
-together. Beyond it, the model is refused, because the arrays of the compiled step have this size."""
+together. Beyond this number, the model is refused, because the arrays of the compiled step have this size."""
 
 Subject = TypeVar("Subject", Contact, Drive)
 States = Sequence[tuple[Scalar, ...]]

@@ -75,7 +75,9 @@ def _content(model: pin.Model) -> bytes:
 def order_of_elimination(
     keyed_model: KeyedModel, coupled: tuple[tuple[int, int], ...], together: tuple[int, ...]
 ) -> tuple[list[int], list[list[int]]]:
-    """Return the result of `elimination` for a model. It is computed once for all models with equal content."""
+    """Return the order in which the speeds of a model are eliminated from its equations of motion (see `elimination`).
+    The order is computed once for all models with equal content.
+    """
     return elimination(keyed_model.model, coupled, together)
 
 
@@ -120,8 +122,8 @@ def _compile_body(joints: tuple[Joint, ...], nq: int, nv: int) -> tuple[ctypes.C
 def elimination(
     model: pin.Model, coupled: Sequence[tuple[int, int]], together: Sequence[int]
 ) -> tuple[list[int], list[list[int]]]:
-    """Return the order of the elimination of speeds from the equations of motion, and for each eliminated speed the
-    later speeds whose equations the elimination changes.
+    """Return the order in which the speeds are eliminated from the equations of motion. For each eliminated speed, also
+    return those speeds, eliminated later, whose equations the elimination changes.
 
     Two speeds are called neighbours if their entry in the system matrix is not zero. The speeds of a joint and of a
     joint that carries it are neighbours. Elimination from the leaves of the tree to the base creates no further

@@ -23,12 +23,13 @@ from rover_pin.simulation.stepping.pace import CALM, FINEST, GLANCE, GROWS, LEAS
 GAMMA = 1.0 - math.sqrt(0.5)
 """Weight of a step's end in its solve for the speeds (`plain/step.py`)."""
 MAX_DOF, MAX_COLS = 48, 24
-"""Largest number of degrees of freedom of a rover, and of those above one wheel (a multiple of 8)."""
+"""Largest number of degrees of freedom of a rover (MAX_DOF), and largest number of degrees of freedom that move one
+wheel (MAX_COLS, a multiple of 8)."""
 MAX_SIZES = {"DOF": MAX_DOF, "COLS": MAX_COLS, "STATES": MAX_STATES, "MOTOR_OUT": 128, "SPOTS": 64}
 """Sizes of the fixed arrays in C. MOTOR_OUT: numbers in one answer of the motor law; SPOTS: patches whose contact laws
 are evaluated together."""
 N_FACET, N_PATCH = 8, 11
-"""Numbers in the C structs of one facet and of one patch."""
+"""Number of values in the C struct of one facet (N_FACET), and in the C struct of one contact patch (N_PATCH)."""
 
 RECORD = ("slip", "slip_y", "sinkage", "normal", "tangential", "lateral", "soil_torque", "travel", "patches", "torque",
           "current", "supply")  # fmt: skip
@@ -189,7 +190,7 @@ FIELDS: Fields = [
     (ctypes.c_void_p, LANES_FUNCTIONS, "lanes_function {}"),
     (ctypes.c_void_p, {"step": "intermediate results of a step"}, "struct Step *{}"),
 ]
-"""The struct Drive: model, state and results of a drive, as the step reads and writes them."""
+"""Fields of the C struct Drive: model, state and results of a drive, as the compiled step reads and writes them."""
 
 LOOP_FIELDS: Fields = [
     (
@@ -304,7 +305,8 @@ LOOP_FIELDS: Fields = [
     (ctypes.c_void_p, {"sense": "update of the slip estimate by a sample"}, "sense_function {}"),
     (ctypes.c_void_p, {"belief": "memory of the slip estimate"}, "void *{}"),
 ]
-"""The struct Loop: commands, rows and the controller of a drive or a replay."""
+"""Fields of the C struct Loop, which the compiled loop over the steps uses: commands, rows of results, and the
+controller of a drive or a replay."""
 
 SETTLING_FIELDS: Fields = [
     (ctypes.c_int64, {"n_slip": "states of the slip law, of each wheel"}, "integer {}"),
@@ -335,7 +337,8 @@ SETTLING_FIELDS: Fields = [
     ),
     (ctypes.c_void_p, {"slip": "(n_slip) places of the slip states among a wheel's states"}, "integer *{}"),
 ]
-"""The struct Settling: a rover that is set down."""
+"""Fields of the C struct Settling, which describes a rover while it is set down on the ground, before a drive
+begins."""
 
 
 def struct_fields(fields: Fields) -> list[tuple[str, Any]]:

@@ -64,7 +64,7 @@ class Stages(NamedTuple):
     """Solution of the equations of a step for its stages."""
 
     changes: np.ndarray
-    "(COUNT, nv) changes of the speeds k_1, k_2 and k_3"
+    """(COUNT, nv) changes of the speeds v in the stages of the step, called k_1, k_2 and k_3"""
     impulses: np.ndarray
     "(COUNT, constraints) multipliers lambda of the constraints: impulses [N s, N m s]"
 

@@ -13,8 +13,8 @@ TRAVEL_SIGNS = np.array([-1.0, -1.0, 1.0, -1.0])
 """Signs of (f_t, f_y, f_n, torque), and also of (v_x, v_y, v_n, rim), in the mirror image of a wheel. The mirror image
 travels in the opposite direction. Backward travel is computed as such a mirror image of forward travel."""
 UNDECIDED = DIRECTION_SPEED / 100.0
-"""Minimum speed [m/s] that decides the direction of travel alone. Below it, travel speed and rim speed contribute
-equally; above it, the faster of the two decides the direction."""
+"""Minimum speed [m/s] that decides the direction of travel alone. Below this value, travel speed and rim speed
+contribute equally; above this value, the faster of the two decides the direction."""
 
 
 class LawValue(NamedTuple):

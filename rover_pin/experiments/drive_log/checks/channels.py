@@ -21,7 +21,7 @@ from rover_pin.simulation.trace.channels import WHOLE, is_column, unit_of
 from rover_pin.simulation.trace.trace import Trace
 
 POSE = ("body_x", "body_y", "body_yaw")
-"""Channels of the pose. Without them, a run cannot be compared with a simulation."""
+"""Channels of the pose. Without these channels, a run cannot be compared with a simulation."""
 
 NOTABLE_SHARE, NOTABLE_LENGTH = 0.01, 5
 """The gaps of a channel are reported if at least this fraction of the run is missing, or at least this number of

@@ -1,8 +1,8 @@
 """Check whether the runs of a drive log contain enough manoeuvres to distinguish effects, and name the run to add.
 
-The tables DUTY_DRIVEN, RATE_DRIVEN and OF_RUNS have one row for each channel or manoeuvre. Without it, the effects
-named in the row have equal influence on all measured channels. The rows come from trials with a lumped six-wheel rover;
-15 effects were hidden in turn.
+The tables DUTY_DRIVEN, RATE_DRIVEN and OF_RUNS have one row for each channel or manoeuvre. If a log lacks this channel
+or manoeuvre, the effects named in the row have equal influence on all measured channels. The rows come from trials with
+a lumped six-wheel rover; 15 effects were hidden in turn.
 """
 
 from collections.abc import Callable, Iterator, Sequence

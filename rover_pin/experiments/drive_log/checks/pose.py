@@ -48,8 +48,8 @@ MAX_FOLLOWING_ERROR = 0.25
 for crabbing and noise."""
 
 MAX_SLOPE_ERROR = 0.3
-"""Maximum relative error of the ratio between changes of the course and changes of the yaw. Up to it, the yaw counts as
-being in the tested unit. The course is noisy; a yaw in the wrong unit differs by a factor of 57."""
+"""Maximum relative error of the ratio between changes of the course and changes of the yaw. Up to this value, the yaw
+counts as being in the tested unit. The course is noisy; a yaw in the wrong unit differs by a factor of 57."""
 
 MIN_CLIMB_SD = math.radians(1.5)
 """Minimum SD of the climb angle [rad] for a comparison with the pitch: several times the noise of a tilt sensor
