@@ -147,7 +147,7 @@ def judged(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def figure(table: pd.DataFrame, out: Path) -> None:
-    """Draw the true gains over the predicted gains with their intervals."""
+    """Draw the true gains against the predicted gains, with the intervals of the predictions."""
     sheet, axes = plot.new_figure(1, size=(6.0, 5.0))
     for keeps, rows in table.groupby("keeps"):
         # Error bars need the distances from the prediction, not the bounds.
@@ -163,7 +163,9 @@ def figure(table: pd.DataFrame, out: Path) -> None:
 
 
 def report(table: pd.DataFrame) -> str:
-    """Return the counts of intervals that contain the true gain, and of harm, as text."""
+    """Return a summary as text: how many intervals contain the true gain, how often the tuned control is advised, how
+    often it helps or does harm, and the mean predicted and true gains.
+    """
     taken = table[~table["keeps"]]
     return (
         f"{len(table)} sets: the true gain lies inside the interval of 90 % in {table['inside'].sum()}; constant duty "

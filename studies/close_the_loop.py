@@ -107,7 +107,9 @@ def main() -> None:
 
 
 def report_transients(verdict: Verdict, data: RigSet, out: Path) -> None:
-    """Predict the transient of the sinkage, each level from the other levels, and print and draw the errors."""
+    """Predict the transient of the sinkage in each level from the fit to the other levels, and print and draw the
+    errors.
+    """
     runs = transient_runs(DATA / "cmu-smooth-wheel" / "sinkage_transient.csv")
     # Steady values by the model before and after the loop, and as measured for comparison.
     steady = {
@@ -156,7 +158,9 @@ def held_out_steady(data: RigSet, fit: Fit) -> dict[str, float]:
 
 
 def measured_steady(runs: dict[str, pd.DataFrame]) -> dict[str, float]:
-    """Return the mean sinkage [m] of the tails of each level: the best result of one value for each level."""
+    """Return the mean measured sinkage [m] of each level after the transient. No prediction with one value for each
+    level can have smaller errors.
+    """
     tails = pd.concat([run[run.travel > TRANSIENT] for run in runs.values()])
     return {str(level): float(value) for level, value in tails.groupby("level").sinkage.mean().items()}
 
@@ -170,7 +174,7 @@ def fitted_length(runs: list[pd.DataFrame], steady: dict[str, float]) -> float:
     """Return the relaxation length [m] with the least squared error."""
 
     def misfit(log_length: float) -> float:
-        """Return the sum of squared errors at a length, given by its logarithm."""
+        """Return the sum of squared errors for a relaxation length, which is given by its logarithm."""
         errors = [relaxed(run, steady[run.level.iloc[0]], np.exp(log_length)) - run.sinkage for run in runs]
         return float(sum(np.sum(error**2) for error in errors))
 
@@ -178,7 +182,9 @@ def fitted_length(runs: list[pd.DataFrame], steady: dict[str, float]) -> float:
 
 
 def predicted(runs: dict[str, pd.DataFrame], steady: dict[str, float], label: str) -> pd.DataFrame:
-    """Return the squared errors [mm^2] of each run, with the length fitted to the other levels and without it."""
+    """Return the squared errors of the sinkage in each run [mm^2], predicted without relaxation, and with a relaxation
+    length that was fitted to the other levels.
+    """
     rows = []
     for name, run in runs.items():
         level = run.level.iloc[0]
@@ -290,7 +296,9 @@ def rows(label: str, verdict: Verdict) -> list[dict[str, object]]:
 
 
 def draw(table: pd.DataFrame) -> plt.Figure:
-    """Draw the held-out errors before and after in units of the noise; filled symbols are claimed changes."""
+    """Draw the held-out errors before and after effects were added, in units of the noise. Filled symbols mark changes
+    that the report claims as significant.
+    """
     figure, axis = plt.subplots(figsize=(9, 0.5 * len(table) + 1.6), layout="constrained")
     for place, row in enumerate(table.iloc[::-1].itertuples()):
         # Errors in units of the noise make all channels comparable.

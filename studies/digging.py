@@ -269,7 +269,9 @@ def ditched(name: str, part: pd.DataFrame) -> str:
 
 
 def drove(name: str, controlled: pd.DataFrame, there: str, more: str) -> str:
-    """Return the report line of a control: burials, arrivals, sinkage, distance, energy, and further text."""
+    """Return the report line of a control: numbers of buried rovers and of drives that arrive, sinkage, distance,
+    energy, and further text.
+    """
     buried, deep = int(controlled.buried.notna().sum()), 1e3 * controlled.deepest
     # Eq (9) has no table where the flat of the sand cannot be driven.
     if deep.isna().all():
@@ -281,7 +283,9 @@ def drove(name: str, controlled: pd.DataFrame, there: str, more: str) -> str:
 
 
 def figure(results: pd.DataFrame, file: Path) -> Path:
-    """Draw one slope over time, and the share of outcomes of each control on the inclines that dig."""
+    """Draw one drive up a slope over time, and the shares of the outcomes of each control on inclines in whose sand
+    wheels dig.
+    """
     sheet, axes = plot.new_figure(1, 3, size=(15.0, 4.4))
     # One slope of the inclines that dig, under four of the controls.
     ground = Ground("incline", 7.0, 0.025, None, 0.0, 0.1)

@@ -174,7 +174,9 @@ def planned(quick: bool) -> list[tuple[Sand, float, Control]]:
 
 
 def outcome(case: Scenario, sand: Sand, wall: float, control: Control) -> dict[str, Any]:
-    """Return one row of the map, from a drive at the step and a drive at half the step."""
+    """Return the result for one cell of the map as a row, from a drive with the usual time step and a drive with half
+    of it.
+    """
     traces = [case.drive(), dataclasses.replace(case, timing=case.timing.with_half_step()).drive()]
     times = [time_out(trace) for trace in traces]
     # The two step sizes must agree; otherwise the outcome is numerical and counts as open.

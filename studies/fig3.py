@@ -69,7 +69,7 @@ def family(slips: np.ndarray) -> pd.DataFrame:
 
 
 def draw(curves: pd.DataFrame, path: Path) -> None:
-    """Draw F over slip for each k, one panel for each form."""
+    """Draw the traction factor F against slip for each k, with one panel for each form of traction."""
     figure, axes = plt.subplots(1, 3, figsize=(12, 4.4), sharey=True, layout="constrained")
     colours = plt.get_cmap("viridis")(np.linspace(0, 0.9, len(K_MM)))
     for axis, (name, title) in zip(axes, TITLES.items(), strict=True):

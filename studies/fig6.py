@@ -82,7 +82,9 @@ def summary(curves: pd.DataFrame) -> pd.DataFrame:
 
 
 def draw(curves: pd.DataFrame, path: Path) -> None:
-    """Draw F over slip, with the band over n and the slope of Fig 8."""
+    """Draw the traction factor F against slip, with a band for the range of the exponent n, and the F that the slope of
+    Fig 8 needs.
+    """
     figure, axes = plt.subplots(1, 2, figsize=(12, 4.8), sharey=True, layout="constrained")
     for axis, (soil, title) in zip(axes, SETS.items(), strict=True):
         for form, colour in COLOURS.items():

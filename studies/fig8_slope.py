@@ -154,7 +154,9 @@ def histories(traces: dict[str, Trace]) -> pd.DataFrame:
 
 
 def draw(traces: dict[str, Trace]) -> Figure:
-    """Draw slip over time and inclination, inclination over time, and elevation over time."""
+    """Draw four panels: slip against time, slip against inclination, inclination against time, and elevation against
+    time.
+    """
     figure = Figure(figsize=(12, 8), layout="constrained")
     time_slip, steep_slip, steep_time, height = figure.subplots(2, 2).ravel()
     for (label, trace), colour in zip(traces.items(), COLOURS, strict=False):

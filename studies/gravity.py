@@ -202,7 +202,9 @@ def passing(trace: Trace, place: float) -> float:
 
 
 def row(names: tuple[str, str, str], case: Scenario, trace: Trace, quick: bool) -> dict[str, Any]:
-    """Return the row of a slow drive: sinkage, slip, time, lift-off, angles and load swing."""
+    """Return the results of a slow drive as a row of the table: sinkage, slip, time, share of wheels in the air,
+    largest angles, and variation of the wheel loads.
+    """
     scene, angles, place = names
     # The first 2 s contain the settling and the start.
     later = trace.t > 2.0
@@ -226,7 +228,7 @@ def row(names: tuple[str, str, str], case: Scenario, trace: Trace, quick: bool) 
 
 
 def swing(trace: Trace) -> float:
-    """Return the standard deviation of the normal forces over their mean, from 2 s on."""
+    """Return the standard deviation of the normal forces from 2 s on, divided by their mean."""
     normal = trace.stack("normal")[trace.t > 2.0]
     return float(np.std(normal) / np.mean(normal))
 

@@ -92,7 +92,9 @@ def factors(slips: np.ndarray, soil: Soil, form: TractionForm = FORMS[0]) -> np.
 
 
 def row(k: float, form: TractionForm, repeats: int) -> dict[str, float | str]:
-    """Return the result of points without noise at this true k, and the coverage in repeated experiments."""
+    """Return a row of the table for one true k: the result of the identification from points without noise, and the
+    share of repeated experiments whose interval contains the truth.
+    """
     soil = TABLE_1.replace(k=k)
     clean = TractionPoints(SLIPS, factors(SLIPS, soil, form), SCATTER / math.sqrt(REPEATS), form=form)
     ideal = identify(bench(clean), fixed=HELD)

@@ -120,7 +120,7 @@ def in_words(ratios: pd.Series) -> str:
 
 
 def shown(probabilities: dict[str, float]) -> dict[str, float]:
-    """Return the probabilities above SHOWN."""
+    """Return those causes whose probability exceeds SHOWN: name -> probability."""
     return {name: probability for name, probability in probabilities.items() if probability > SHOWN}
 
 

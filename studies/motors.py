@@ -92,7 +92,7 @@ def main() -> None:
 
 
 def figure(read: pd.DataFrame, out: Path) -> None:
-    """Draw rim speed and S_hat against slip."""
+    """Draw rim speed and estimated slip S_hat against the true slip."""
     sheet, axes = plot.new_figure(1, 2, size=(11.0, 4.5))
     for (motor, k), table in read.groupby(["motor", "k_mm"], sort=False):
         style = {"marker": "o", "ls": "-" if motor == "speed-like" else "--", "label": f"{motor}, k = {k:g} mm"}
@@ -176,7 +176,9 @@ def with_its_table(drive: Scenario) -> Scenario:
 
 
 def outcome(drive: Scenario) -> str:
-    """Return "out" or "stuck", or "open" if half the step gives the other outcome."""
+    """Return the outcome of a ditch drive: "out" or "stuck", or "open" if the drive with half the time step has the
+    other outcome.
+    """
     both = {
         bool(np.any(dataclasses.replace(drive, timing=timing).drive()["body_x"] > OUT_AT))
         for timing in (drive.timing, drive.timing.with_half_step())

@@ -213,7 +213,7 @@ def unscaled(change: Change, values: np.ndarray) -> np.ndarray:
 
 
 def judged(form: str, change: Change, values: np.ndarray) -> Resolved:
-    """Return chi2 and residuals of a change at given values."""
+    """Return chi2, and the residual of each statement of the paper, for a change with the given values."""
     F = np.asarray(curve(form, change)(values)).ravel()
     residuals = np.array([statement.residual(F) for statement in STATEMENTS])
     cost = float(residuals @ residuals) if np.isfinite(residuals).all() else 1e9
@@ -299,7 +299,9 @@ def ranking(fits: Sequence[Resolved]) -> pd.DataFrame:
 
 
 def draw(fits: Sequence[Resolved]) -> Figure:
-    """Return the figure of F(S) of the base and of the best changes, with the slopes that the text states."""
+    """Return the figure of the traction factor F(S) in the base model and with the best changes, together with the
+    slopes that the paper's text states.
+    """
     figure = Figure(figsize=(12, 4.6), layout="constrained")
     for axis, form in zip(figure.subplots(1, 2, sharey=True), ("net", "torque"), strict=True):
         of_form = [resolution for resolution in fits if resolution.form == form]

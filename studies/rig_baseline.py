@@ -168,7 +168,9 @@ def rms(residual: pd.Series) -> float:
 
 
 def draw(table: pd.DataFrame, wheel: Wheel, runs: pd.DataFrame, best: np.ndarray, path: Path) -> None:
-    """Draw drawbar pull and sinkage over slip: measured, Table 1, and fitted."""
+    """Draw drawbar pull and sinkage against slip: measured, predicted with Table 1, and predicted with the fitted
+    soil.
+    """
     # Smooth curves at the mean load; the measured runs differ slightly in load.
     slips, load, rig = np.linspace(0, 0.95, 96), float(runs.load_N.mean()), model(wheel)
     smooth = np.array([np.array(rig(best, load, S)[0]).ravel() for S in slips])

@@ -104,7 +104,7 @@ def main() -> None:
 
 
 def driven(way: str, law: tuple[str, ...], duration: float) -> Trace:
-    """Return the trace of a manoeuvre with these effects added."""
+    """Return the trace of a simulated manoeuvre, after the given effects were added to the model."""
     case = scenario(SCENE[way], duration=duration, side="shear", add=law, **WAYS[way])
     if way != "across":
         return case.drive()
@@ -113,7 +113,7 @@ def driven(way: str, law: tuple[str, ...], duration: float) -> Trace:
 
 
 def row(way: str, name: str, trace: Trace) -> dict[str, Any]:
-    """Return the row of a drive, measured over its last LAST seconds."""
+    """Return the results of a drive as a row of the table, measured over its last LAST seconds."""
     late = trace.t >= trace.t[-1] - LAST
     x, y, yaw = (trace[f"body_{coordinate}"][late] for coordinate in ("x", "y", "yaw"))
     dx, dy, turned = np.diff(x), np.diff(y), float(np.unwrap(yaw)[-1] - yaw[0])
@@ -153,7 +153,9 @@ def draw(traces: dict[tuple[str, str], Trace]) -> Figure:
 
 
 def seen(way: str, trace: Trace) -> tuple[np.ndarray, np.ndarray]:
-    """Return the curve of a panel: heading over time for a skid, drift down a slope, else the path."""
+    """Return the curve that a panel shows: the heading over time for a skid, the drift down the slope for a drive
+    across a slope, and the path for all other manoeuvres.
+    """
     x, y = (trace[f"body_{coordinate}"] - trace[f"body_{coordinate}"][0] for coordinate in ("x", "y"))
     if way == "skid":
         return trace.t, np.degrees(np.unwrap(trace["body_yaw"]))

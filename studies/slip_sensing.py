@@ -244,7 +244,9 @@ def outcome(case: Case, trace: Trace) -> list[float]:
 
 
 def told(sums: list[list[float]], cases: list[Case]) -> pd.DataFrame:
-    """Return bias, SD and RMS of each estimate's slip error by kind of drive, and over all drives."""
+    """Return the bias, SD and RMS of the slip error of each estimate, for each kind of drive and for all drives
+    together.
+    """
     rows = []
     for at, name in enumerate(ESTIMATES):
         # Count, sum and sum of squares of this estimate, one row for each case.
@@ -266,7 +268,9 @@ def report(errors: pd.DataFrame) -> str:
 
 
 def figure(cases: list[Case], out: Path) -> None:
-    """Draw true and estimated slip of the front left wheel over one drive of the first three kinds."""
+    """Draw the true and the estimated slip of the front left wheel over time, for one drive of each of the first three
+    kinds.
+    """
     # The first drive of each kind, three kinds at most.
     examples = [next(case for case in cases if case.kind == kind) for kind in dict.fromkeys(c.kind for c in cases)][:3]
     sheet, axes = plot.new_figure(1, len(examples), size=(5.0 * len(examples), 4.2))

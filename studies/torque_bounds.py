@@ -135,7 +135,7 @@ def draw(tables: dict[str, pd.DataFrame], path: Path) -> None:
 
 
 def draw_load(axis: Axes, table: pd.DataFrame) -> None:
-    """Draw the bounds of one wheel over load."""
+    """Draw the torque bounds of one wheel against its load."""
     for soil, colour in SETS.items():
         # Solid lines are T_sat, dashed lines T_lim.
         of_soil = table[table.soil == soil]
@@ -148,7 +148,7 @@ def draw_load(axis: Axes, table: pd.DataFrame) -> None:
 
 
 def draw_slope(axis: Axes, table: pd.DataFrame) -> None:
-    """Draw the bounds of the rover's wheels over slope."""
+    """Draw the torque bounds of the rover's wheels against the slope."""
     for wheel, (name, colour) in AXLES.items():
         # One wheel of each axle is enough, because left and right are equal on a straight slope.
         of_wheel = table[table.wheel == wheel]
@@ -183,7 +183,7 @@ def draw_climbable(axis: Axes, table: pd.DataFrame) -> None:
 
 
 def draw_margin(axis: Axes, table: pd.DataFrame) -> None:
-    """Draw the duty at which a blocked wheel reaches its bound, over slope."""
+    """Draw the duty at which a wheel that is held fast reaches its torque bound, against the slope."""
     for wheel, (name, colour) in AXLES.items():
         of_wheel = table[table.wheel == wheel]
         axis.plot(of_wheel.slope_deg, of_wheel.T_sat_Nm / MOTOR.stall_torque, color=colour, label=name)

@@ -138,7 +138,9 @@ def judged(
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return, by ground and control, the shares of outcomes and the drives that differ from the hand-set law."""
+    """Return a table with one row for each ground and control: the shares of drives that get through and that bury a
+    wheel, the mean cost, and the numbers of drives whose cost is better or worse than under the hand-set law.
+    """
     rows = []
     for ground, part in [*table.groupby("ground", sort=False), ("all", table)]:
         # Costs by drive, control and seed, so that laws can be compared drive by drive.

@@ -86,7 +86,9 @@ def asked(name: str, quick: bool) -> TuningStudy:
 
 
 def digests(ensemble: str, result: TuningResult) -> pd.DataFrame:
-    """Return the statistics of the costs by set and control."""
+    """Return a table with statistics of the costs: one row for each control on the training drives and on the held-out
+    drives.
+    """
     rows = [
         (ensemble, where, control, *statistics)
         for where, controls in result.statistics().items()
@@ -119,7 +121,7 @@ def landscape_figure(result: TuningResult, out: Path, points: int) -> None:
 
 
 def log_edges(centres: np.ndarray) -> np.ndarray:
-    """Return the edges of cells with these centres, which are equally spaced on a logarithmic axis."""
+    """Return the edges of cells from their centres, which are equally spaced on a logarithmic axis."""
     half = np.sqrt(centres[1] / centres[0])
     return np.append(centres / half, centres[-1] * half)
 

@@ -178,7 +178,7 @@ def side_by_side(frame: pd.DataFrame) -> list[str]:
 
 
 def cell(errors: Iterable[float | None]) -> str:
-    """Return the errors that exist, separated by slashes."""
+    """Return a table cell with the errors of the measured channels, separated by slashes."""
     return " / ".join(f"{error:.2f}" for error in errors if error is not None and not math.isnan(error))
 
 
@@ -209,7 +209,7 @@ def table(quick: bool = False) -> list[Row]:
 
 
 def compared(name: str, data: RigSet, laws: Laws, n: float) -> list[Row]:
-    """Return one row for each law and each baseline."""
+    """Return the errors of all laws and baselines, one row for each."""
     rows = []
     for law, effects in laws.items():
         fit = fitted(data, effects, n)
@@ -234,7 +234,7 @@ def sizes(fit: Fit) -> str:
 
 
 def row(name: str, law: str, data: RigSet, error: np.ndarray, words: str = "") -> Row:
-    """Return the RMSE of errors [channels, runs] as a row."""
+    """Return a row of the table with the RMSE of each channel, from the errors [channels, runs]."""
     channels = data.channels
     rms = dict(zip((channel.column for channel in channels), np.sqrt(np.mean(error**2, axis=1)), strict=True))
     noise = float(np.sqrt(np.mean((error / np.array([channel.sd for channel in channels])) ** 2)))

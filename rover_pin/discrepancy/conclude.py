@@ -84,7 +84,7 @@ def fits_of(question: Question, progress: Progress) -> Explorer | Search:
 def with_next(question: Question, verdict: Verdict, progress: Progress) -> Verdict:
     """Return the verdict, with a proposal for the next measurement added if several sets of causes remain possible.
 
-    The proposed measurement is the one that is expected to distinguish best between these sets of causes.
+    The proposed measurement is expected to distinguish best between these sets of causes.
     """
     # Another measurement is proposed only if the data leave several sets open.
     if verdict.answer not in (Answer.SET, Answer.CANNOT_TELL) or verdict.beliefs is None:

@@ -200,8 +200,8 @@ def usual_noise(beliefs: Beliefs) -> str:
 def likeliest(sets: Sequence[tuple[str, ...]], beliefs: Beliefs) -> list[tuple[tuple[str, ...], float]]:
     """Return the sets of causes that the sentence of the answer lists, each with its probability.
 
-    These are the first set of `sets`, and of the MAX_NAMED most probable sets those with a probability of at least
-    MIN_MENTIONED.
+    The first set of `sets` is always listed. Of the MAX_NAMED most probable sets, every set with a probability of at
+    least MIN_MENTIONED is also listed.
     """
     rows = shares(sets, beliefs)
     # The order of the list is kept: the first set is the kept one, although another may be more probable.

@@ -10,8 +10,8 @@ from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect, State
 
 TOUCH = 1e-4
-"""Minimum sinkage [m] of a spinning rim that digs at its full rate. Below it the rate falls linearly, to 0 without
-contact."""
+"""Minimum sinkage [m] of a spinning rim that digs at its full rate. Below this sinkage, the rate falls linearly, to 0
+without contact."""
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from rover_pin.soil.stress import mobilised_both_ways
 
 PRESSURE_CENTRE = 0.43
 """Height at which the pressure on the wheel's disc acts, above the lowest point of the wheel, as a fraction of the
-sinkage: 1 - 2/3 of 6/7, for a shallow circular segment."""
+sinkage: 1 - (2/3) (6/7) for a shallow circular segment."""
 ROUNDING = 0.05
-"""Fraction of the full pressure. Below this value, the absolute value in the rubbing force is rounded, so that the
-force changes smoothly at straight travel. The pressure reaches this fraction at a slip angle of about 2 deg."""
+"""Fraction of the full pressure below which the absolute value in the rubbing force is rounded, so that the force
+changes smoothly at straight travel. The pressure reaches this fraction at a slip angle of about 2 deg."""
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,11 @@ from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect, State
 
 TOUCH = 1e-4
-"""Minimum sinkage [m] of lugs that cut at their full rate. Below it the rate falls linearly, to 0 without contact."""
+"""Minimum sinkage [m] of lugs that cut at their full rate. Below this sinkage, the rate falls linearly, to 0 without
+contact."""
 MIN_TRAVEL_SPEED = 1e-4
-"""Minimum travel speed [m/s] for the full rise of the wheel per metre of travel. Below it the rise is reduced, so that
-it stays finite at standstill."""
+"""Minimum travel speed [m/s] for the full rise of the wheel per metre of travel. Below this speed, the rise is reduced,
+so that it stays finite at standstill."""
 
 
 @dataclass(frozen=True)

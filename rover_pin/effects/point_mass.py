@@ -18,7 +18,8 @@ class PointMass(BodyEffect):
     centre of mass c of a rover of mass M. Negative values correct a URDF with too much mass or with a shift in the
     other direction.
 
-    Source: rigid-body statics. Differs from the paper: nothing; its masses are not stated.
+    Source: rigid-body statics. Differs from the paper: the paper does not state its masses, so there is nothing to
+    differ from.
     """
 
     title: ClassVar[str] = "misplaced mass"

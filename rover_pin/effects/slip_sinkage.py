@@ -13,8 +13,8 @@ from rover_pin.soil.compaction import sinking_resistance
 MIN_EXPONENT, MAX_EXPONENT = 0.05, 3.0
 "Bounds of the sinkage exponent n, equal to the bounds of `Soil.n`."
 FADING_SPEED = 0.001
-"""Minimum travel speed [m/s] for the full resistance of the rut. Below it the resistance is reduced, so that it
-vanishes at rest (see `contact.fading`). It is the value of `DiggingMemory` (assumed)."""
+"""Minimum travel speed [m/s] for the full resistance of the rut. Below this speed, the resistance is reduced, so that
+it vanishes at rest (see `contact.fading`). It is the value of `DiggingMemory` (assumed)."""
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ class WheelScale(Effect):
     The effect acts before the slip, so that the slip is the slip of the true rim. Neglected: the ride height, the
     position of the contact with the terrain, and the mass do not change with e.
 
-    Source: geometry; the size is assumed, a rim with lugs or with sand on it. Differs from the paper: nothing; its
-    radius is only taken as exact.
+    Source: geometry; the size is assumed, for a rim with lugs or with adhering sand. Differs from the paper: the paper
+    takes the radius as exact.
     """
 
     title: ClassVar[str] = "wheel radius"

@@ -28,8 +28,8 @@ def measured_numbers(
 
     The numbers are the ratio of rim speed to ground speed, the effective track, and the delay of the wheels' clock
     behind the clock of the position. The first two are slopes of straight lines through zero, fitted by least squares
-    to signals over one second with the effective number of independent samples. The delay is the one at which rim
-    travel fits ground travel best. A sentence on the delay is yielded only if its interval excludes 0.
+    to signals over one second with the effective number of independent samples. At this delay, the travel of the rims
+    fits the travel over the ground best. A sentence on the delay is yielded only if its interval excludes 0.
 
     Parameters
     ----------

@@ -1,5 +1,4 @@
-"""Choose the next measurement: the one that is expected to distinguish best between the sets of causes that remain
-possible.
+"""Choose the next measurement, which is expected to distinguish best between the sets of causes that remain possible.
 
 First, each set of causes predicts a possible measurement, given the measurements so far. The prediction is the
 prediction f(u) of the fitted model plus the discrepancy that follows from the residual r = y - f(u) of the measured

@@ -27,8 +27,8 @@ PLANE_TOLERANCE = 1e-3
 """Largest spread of the wheel centres across their common plane, divided by their spread along the plane. Beyond this
 value, a note states that the wheels are not on one plane."""
 STABILITY_SLOPE = 0.02
-"""Slope [rad]. A rover must be in static balance on it, as on level ground. A body that is only balanced on a free
-pivot is not in balance on this slope, so that the slope shows an unstable balance."""
+"""Small slope [rad] on which a rover must be in static balance, as on level ground. A body that is only balanced on a
+free pivot is not in balance on this slope, so that the slope shows an unstable balance."""
 
 
 @dataclass(frozen=True)

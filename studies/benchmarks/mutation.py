@@ -59,7 +59,9 @@ DECLARING = ("quantity", "spec", "lru_cache")
 
 
 class Scaled(NumberReplacer):
-    """The operator that moves whole numbers and 0.0 by one, up and down, and multiplies others by each of FACTORS."""
+    """A mutation of numbers in the source code: whole numbers and 0.0 are increased and decreased by one, and all other
+    numbers are multiplied by each of FACTORS.
+    """
 
     def mutation_positions(self, node) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
         """Yield the position of each number in the source once for every changed value that is tried for the number."""

@@ -56,7 +56,7 @@ def main() -> None:
 
 
 def compared(words: list[str], earlier: Path, out: str, runs: int) -> tuple[float, float]:
-    """Return the minimum CPU time [s] of a command in the earlier and in the present version."""
+    """Return the minimum CPU time [s] of a command in the former version and in the present version of the package."""
     times: dict[Path, list[float]] = {earlier: [], ROOT: []}
     for run in range(runs + 1):
         for package, taken in times.items():

@@ -65,7 +65,9 @@ class Runs(NamedTuple):
 
     @property
     def driven(self) -> np.ndarray:
-        """Return which runs do not skid, with slip computed from the whole travel."""
+        """Return a mask of the runs in which the wheel does not skid. The slip is computed from the whole travel,
+        sideways included.
+        """
         return self.rim >= self.travel
 
     @property

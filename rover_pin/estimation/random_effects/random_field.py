@@ -23,8 +23,8 @@ from scipy.optimize import minimize
 from rover_pin.estimation.columns import MIN_IDENTIFIABLE_SHARE
 
 MAX_SCALE = 10.0
-"""Largest allowed SD of a kind of random difference, divided by the size that is expected of it. A larger estimate is
-reduced to this value: an SD of ten times the expected size would be a missing effect, not a random difference."""
+"""Largest allowed SD of a kind of random difference, divided by the expected size of this difference. A larger estimate
+is reduced to this value: an SD of ten times the expected size would be a missing effect, not a random difference."""
 
 
 class Kind(NamedTuple):

@@ -57,7 +57,7 @@ def residual_section(verdict: Verdict) -> Section | None:
 def _gains(term: Term) -> tuple[str, ...]:
     """Return the table cells of a term that describes the residual: three decreases of chi2, and the net gain.
 
-    The decreases are the one that the term gives, the one that chance would give, and the one in held-out runs.
+    The three decreases of chi2 are: by the term in the fitted runs, by chance, and by the term in held-out runs.
     """
     held_out_gain = "" if term.held_out is None else f"{term.held_out:+.1f}"
     return (f"{term.gain:.1f}", f"{term.detection_threshold:.1f}", held_out_gain, f"{term.strength:+.1f}")

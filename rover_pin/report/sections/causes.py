@@ -29,8 +29,8 @@ ESTIMATED = "estimated, not fitted"
 """Remark on a combination of causes whose probability comes from a linear estimate of its numbers, and not from a
 fit."""
 MAX_SD_RATIO = 0.9
-"""Largest ratio of the SD of a cause's size after the fit to its SD before the fit (its prior SD). Above it the data
-contain no information on the size, and no detectable size is stated."""
+"""Largest ratio of the SD of a cause's size after the fit to its SD before the fit (its prior SD). Above this ratio,
+the data contain no information on the size, and no detectable size is stated."""
 NO_INFORMATION = "the data contain no information on its size"
 NO_FIT = "no fit with it converged, however small it was"
 

@@ -19,7 +19,7 @@ MAX_REFINEMENT = 16
 """Largest number of parts into which the steps of a drive are divided to keep the tolerance. If the error is still too
 large, a warning states this."""
 MIN_STEP = 1e-6
-"""Smallest step that a caller may ask for [s]; with it, ten seconds of driving take minutes to compute."""
+"""Smallest step that a caller may ask for [s]. With this step, ten seconds of driving take minutes to compute."""
 MAX_STEP = 0.1
 """Largest step that a caller may ask for [s]; a drive with a larger one is refused."""
 MAX_PERIOD_PARTS = 1000
