@@ -24,7 +24,7 @@ Result
     Inclines: constant duty passes 4 of 12 at 0.55 and 7 at 1, Eq 9 passes 4, the true slip none. The other 5 are
     steeper than any straight duty can climb (max F minus the resistance). Of the 18 ditches that no straight control
     passes, no profile of axle duties passes one either (20 tried each, so the best one found is no proof). Tacking
-    passes 6 of them. The 8 drives with different outcomes end within 1 mm of the same place at half the step.
+    passes 6 of them. The 8 drives with different outcomes end within 1 mm of the same place with half the time step.
 What the paper says
     "The proposed slip control ... was successfully demonstrated to traverse over a ditch, which was not done without".
 What differs

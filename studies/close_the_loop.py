@@ -290,7 +290,7 @@ def rows(label: str, verdict: Verdict) -> list[dict[str, object]]:
             "fitted_after_in_sd": now.rms,
             "said": score.claim,
         }
-        # pressings are scored behind the channels of runs, and have no residuals of theirs
+        # The scores of pressing trials follow the scores of the channels, and have no residuals of their own.
         for score, was, now in zip(verdict.scores, left.before.residuals, left.after.residuals, strict=False)
     ]
 

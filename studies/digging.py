@@ -15,7 +15,7 @@ Method
     (T_sat) or at a slip of 0.5 (T_lim); T_lim together with a slip; and tacking. A wheel counts as buried at a sinkage
     of CUT = 0.5 radii, where a drive usually ends. Here the drives go on to 0.9 radii. "Way" is x of the base at burial
     or at the end of the drive. Energy is electric, up to burial or arrival. "Further" means further by 10 mm. One drive
-    in eight is repeated at half the step.
+    in eight is repeated with half the time step.
 Result
     Inclines with k = 25 and 50 mm and c_d = 0.1 and 0.2 (16 inclines; on the softest sand the rover digs in on the flat
     before them): constant duty buries a wheel on 15, and so do T_sat, T_lim(0.5) and tacking. Eq 9 buries a wheel on 11
@@ -28,8 +28,8 @@ Result
     true slip rescues 1; Eq 9 and T_lim rescue 0 and lose 0. Where the sand digs too, constant duty buries a wheel in 6
     of 8, S_d = 0.5 in 2, S_d = 0.2 in none. Tacking passes 14 of 16 with on-board sensors only, so passing a ditch does
     not require a known slip. Without strength loss, only the true slip at 0.1 and 0.2 saves both ditches from burial,
-    and no control rescues a drive. At half the step all outcomes are the same, and final positions agree within 2.1 mm
-    (median 0.004). With holes that faded below 5 mm/s, T_lim(0.5) buried a wheel in 10.
+    and no control rescues a drive. With half the time step all outcomes are the same, and final positions agree within
+    2.1 mm (median 0.004). With holes that faded below 5 mm/s, T_lim(0.5) buried a wheel in 10.
 What the paper says
     "it will be stuck when the slip ratio develops to around 1 [...]. Based on this knowledge, we propose a traction
     control method to target the slip ratio at a small value"; it "keeps the slip ratio within a small value [...], so

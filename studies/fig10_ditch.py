@@ -11,8 +11,8 @@ Method
     with a smaller k, whose R makes the rover cruise on the flat at S = 0.05; and k = 2.5 mm with R = 0.03 < F(0), where
     the rover drives on the flat at S = -0.07. The last sand is repeated with `PostPeak`, a loss of shear strength past
     the peak, which the paper's text mentions and Eq 2 lacks. A drive counts as "out" if the rear wheels pass the far
-    lip within 45 s at the step and at half the step. If the two step sizes disagree, the drive counts as "open". All
-    drives are mirror-symmetric.
+    lip within 45 s with the usual time step and with half of it. If the two step sizes disagree, the drive counts as
+    "open". All drives are mirror-symmetric.
 Result
     Table 1 reproduces the left half of Fig 10 at every wall angle (a ditch of this size has no wall below 26.6 deg). At
     30 deg the rover drives at 0.050 m/s and S = 0.05 for 5 s, and at 0.17 m/s down the near wall. The front wheels stop

@@ -8,8 +8,8 @@ Method
     One number at a time is changed from that sand (k = 2.5 mm, R = 0.03, 50 % lost with S_w = 0.4, relaxed slip, true
     slip fed back, S_d = 0.2). Bisection to 0.5 deg finds the smallest wall angle at which constant duty is stuck. From
     there on, in steps of 0.5 deg, three sets of gains are tried, until none of them gets the rover out at two walls in
-    a row. All outcomes must hold at the step and at half the step; outcomes that differ between them do not count as a
-    rescue.
+    a row. All outcomes must hold with the usual time step and with half of it; outcomes that differ between them do not
+    count as a rescue.
 Result
     Unchanged: stuck from 46.5 deg, out under control up to 48 deg, a window of 2 deg, 12 of 18 drives rescued. With the
     paper's S_d = 0.1 1 of 9, at 46.5 deg. No rescue with the slip of Eq 9, without a loss (stuck from 62 deg), with k =

@@ -19,7 +19,7 @@ Result
     Fig 8's end is reproduced with wheels that dig: from S = 0.9 at 11.2 deg on, the body falls by 18.9 mm, while a
     wheel sinks to 32 mm; in the last 10 s it falls by 0.4 mm, and the rover is at rest. On sand that slip softens, with
     a as fitted to measured wheels, the wheel sinks to 16 mm. The rover comes to rest as well, falling by 1.8 mm since S
-    = 0.9, and by 0.5 in the last 10 s. The times at S = 0.5 are the same at half the step.
+    = 0.9, and by 0.5 in the last 10 s. The times at S = 0.5 are the same with half the time step.
 What the paper says
     Experiment: "the slip ratio stays near 0 before t = 25 [s]"; "at t = 25 [s], the inclination of the slope reaches
     almost 12 degrees. After that the slip ratio increases up to 1"; "the elevation stayed constant after t = 30".

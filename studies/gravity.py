@@ -13,8 +13,8 @@ Method
     standard deviation of the normal forces over their mean.
     Fast drives: motors geared to 0.05 to 1 m/s on the Earth's flat, a run-up of 4 m, and then the hard bump or a
     washboard of sand (5 waves, 20 mm high, 0.3 m long). The angles follow the sinkage, and the step is 1 ms. The Froude
-    number is v^2 / (g 0.3 m) at that speed. Loads are divided by a sixth of the weight. Everything is repeated at half
-    the step.
+    number is v^2 / (g 0.3 m) at that speed. Loads are divided by a sixth of the weight. Everything is repeated with
+    half the time step.
 Result
     Sinkage falls with the weight, as Eq 5 predicts: 8.1 mm on Earth, 4.2 on Mars, 2.4 on the Moon. With fixed angles
     little else changes: flat slip is 0.05 everywhere, and all drives arrive within 9 % of the Earth's time (the ditch
@@ -22,16 +22,16 @@ Result
     is unchanged, but the shorter contact mobilises less shear on Mars and the Moon: flat slip is 0.14 on Mars and 0.21
     on the Moon; the 6 deg incline needs 0.73 and 0.75 instead of 0.52; the bump of sand is passed on Earth only; the
     ditch takes 24.6 s on Earth, 22.5 s on Mars and 23.8 s on the Moon. No wheel leaves the ground in any of these
-    drives, not even over the step. Loads there swing by 9 to 10 % on Earth and by 15 to 19 % on the Moon (14 to 18 % at
-    half the step). All times are the same at half the step.
+    drives, not even over the step. Loads there swing by 9 to 10 % on Earth and by 15 to 19 % on the Moon (14 to 18 %
+    with half the time step). All times are the same with half the time step.
     Fast drives differ strongly on the Moon. Over the hard bump at 0.2 m/s the loads peak at 1.3, 1.6 and 2.8 times the
     static loads on Earth, Mars and Moon; at 0.5 m/s at 1.6, 2.6 and 4.6, and lunar wheels are in the air for 2 % of the
     time; at 1 m/s at 2.5, 7.3 and 12.3, with wheels in the air for 0, 12 and 29 %, for a maximum of 0.19 s on Mars and
     0.48 s on the Moon. The washboard lifts wheels on the Moon at 1 m/s only (10 %). No wheel lifts at a Froude number
     below 0.08. Grip builds up slowly too: with the 1 m/s gear, the rover on the Moon reaches 0.68 m/s within 4 m.
-    Shares in the air agree within 0.002 at half the step, peaks within 4 % (10 % with another damping). A third or
-    three times the assumed damping of the soil changes the share in the air at 1 m/s from 12 to 20 or 10 % on Mars and
-    from 29 to 49 or 28 % on the Moon, never from none and never to none.
+    Shares in the air agree within 0.002 with half the time step, peaks within 4 % (10 % with another damping). A third
+    or three times the assumed damping of the soil changes the share in the air at 1 m/s from 12 to 20 or 10 % on Mars
+    and from 29 to 49 or 28 % on the Moon, never from none and never to none.
 What the paper says
     "the gravity is smaller then a rover bounces more dynamically" (section 1); "the smaller gravity environment such as
     on the Moon or the Mars, where the dynamic effect will be much more highlighted" (section 6). It shows no numbers.
@@ -152,7 +152,7 @@ def rushing(scene: str, speed: float, place: str, damping: float) -> Scenario:
 
 
 def fast_row(names: tuple[str, float, str, float], trace: Trace, half: Trace | None) -> dict[str, Any]:
-    """Return the row of a fast drive, with the values at half the step if `half` is given."""
+    """Return the results of a fast drive as a row, with those of the drive with half the time step if `half` is given."""
     scene, speed, place, damping = names
     g = GRAVITIES[place]
     cells = {"scene": scene, "speed_mps": speed, "place": place, "froude": speed**2 / (g * LENGTH), "d_spm": damping}

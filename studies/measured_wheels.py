@@ -76,7 +76,7 @@ def main() -> None:
 def row_of(data: str, verdict: Verdict) -> dict[str, str]:
     """Return a verdict as a row of the table."""
     assert verdict.beliefs is not None
-    # Cells are text, so that the table can be shown on a page as it is.
+    # Cells are text, so that a page can show the table unchanged.
     return {
         "data": data,
         "answer": verdict.answer.value,

@@ -8,7 +8,7 @@ Method
     Two motors that run 0.05 m/s at duty 0.55 differ in stall torque, 1 and 0.25 N m (simulation/model/motor.py). The
     study computes rim speed and S_hat of a wheel under a sixth of the weight at duty 0.55, for slips from 0.05 to 1, on
     Table 1's sand (k = 50 mm) and on a firmer sand (k = 10 mm). It then runs the drives of Figs 8 and 10 with either
-    motor. Each outcome, out or stuck, is checked at half the step.
+    motor. Each outcome, out or stuck, is checked with half the time step.
 Result
     On Table 1's sand the rim slows from 52.6 mm/s at S = 0.05 to 46.2 at S = 1 with the speed-like motor and to 25.0
     with the torque-like motor. S_hat falls from 0.05 to -0.08 and to -1.00, respectively. Eq (9) does not see the slip

@@ -99,7 +99,7 @@ def drawn(count: int, duration: float, seed: int = SEED) -> list[Case]:
     random = np.random.default_rng(seed)
 
     def between(low: float, high: float, digits: int = 1) -> float:
-        """Return a uniform random number, rounded."""
+        """Return a uniformly distributed random number between two bounds, rounded."""
         return round(random.uniform(low, high), digits)
 
     def sand(low: float, high: float) -> dict[str, Any]:

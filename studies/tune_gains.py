@@ -150,7 +150,7 @@ def drives_figure(result: TuningResult, out: Path) -> None:
     """
     case, by = most_changed(result), result.study.estimate
     before = result.study.law_before
-    # Four drives of the same case: without control, with the limit, before and after tuning.
+    # Four drives of one case: constant duty, torque check alone, and slip control before and after tuning.
     controls = {"constant duty": Control.of(CONSTANT_DUTY, before), "torque check": Control.of(TORQUE_CHECK, before)}
     controls |= {f"before, {by}": Control.of(by, before), f"tuned, {by}": Control.of(by, result.law)}
     sheet, axes = plot.new_figure(3, size=(9.0, 8.0), sharex=True)

@@ -62,7 +62,7 @@ def compare_verdicts(first: Side, second: Side) -> Comparison:
     else:
         sentences = [f"The first verdict is {answers[0]}, the second{other_data} {answers[1]}."]
     sentences.append(_compare_errors(first, changes))
-    # An interval is in the row's text. Rows without one are constants or errors and say nothing of agreement.
+    # An interval is in the row's text. Rows without an interval are constants or errors, and state no agreement.
     if any("[" in row.first and "[" in row.second for row in rows):
         disjoint = [row.name for row in rows if row.note == "intervals apart"]
         sentences.append(

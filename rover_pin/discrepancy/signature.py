@@ -38,7 +38,7 @@ class Signature:
 
     candidate: Candidate
     amplitudes: dict[str, float]
-    """sizes at which the candidate was tried, by name of the parameter [SI]"""
+    """name of a size parameter of the candidate -> its value in the trial [SI]"""
     shift: np.ndarray = field(repr=False)
     """prediction with the candidate minus prediction without it, in the unit of each channel"""
     share: float = 1.0

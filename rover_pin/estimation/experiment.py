@@ -215,8 +215,8 @@ class Experiment(ABC):
     def cached_arrays(self, request: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
         """Return stored arrays for a request, or call `make` and return its arrays.
 
-        An experiment that stores the arrays of earlier requests can continue a loop that was stopped: an equal request
-        is then not computed again. This default stores nothing and always calls `make`.
+        An experiment that stores the arrays of earlier requests can continue a search that was stopped: an equal
+        request is then not computed again. This default stores nothing and always calls `make`.
         """
         return make()
 

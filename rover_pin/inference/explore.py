@@ -56,7 +56,7 @@ class Explorer:
     causes: Sequence[Cause]
     progress: Callable[[str], None] = lambda message: None
     fitted: dict[frozenset[str], tuple[Hypothesis, ...]] = field(default_factory=dict)
-    """hypotheses of each fitted set, by the names of its causes; the hypothesis without a discrepancy comes first"""
+    """names of the causes of a fitted set -> its hypotheses; the hypothesis without a discrepancy comes first"""
     flat: dict[frozenset[str], tuple[np.ndarray, float]] = field(default_factory=dict)
     """result of a first, cheap fit of each set of causes that treats all errors as independent: fitted parameters u and
     loss, by the names of the causes"""

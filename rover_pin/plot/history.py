@@ -64,7 +64,7 @@ def history(trace: Trace) -> Figure:
     panels, constant = _panels(trace)
     size = (SIZE[0], 1.0 + SIZE[1] * len(panels))
     figure, axes = sheet(len(panels), size=size, sharex=True, squeeze=False)
-    # The legends stand to the right of the panels.
+    # The legends are to the right of the panels.
     figure.subplots_adjust(right=1.0 - LEGEND / SIZE[0])
     for (label, draw), panel in zip(panels.items(), axes[:, 0], strict=True):
         draw(panel)

@@ -129,7 +129,7 @@ def _files(name: str, picture: Picture) -> list[tuple[str, bytes]]:
 
 def mark_code(text: str) -> Markup:
     """Return a paragraph of a docstring as HTML, with the texts between backticks marked as code."""
-    # Every second part stands between backticks.
+    # Every second part was between backticks in the text.
     parts = [escape(part) for part in text.split("`")]
     return Markup("").join(Markup(f"<code>{part}</code>") if at % 2 else part for at, part in enumerate(parts))
 

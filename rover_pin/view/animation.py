@@ -137,7 +137,7 @@ def _side(axes: Axes, film: Film, ghost: Film | None) -> Draw:
         rovers.append(_at_time_of(film, ghost, _rover_from_side(axes, ghost, sides["l"], GHOST)))
 
     def draw(frame: int) -> None:
-        # On a slope across the path the two sides stand on different heights, which change as the rover moves.
+        # On a slope across the path the two sides are at different heights, which change as the rover moves.
         under, under_right = (
             film.terrain.height(x, np.full(x.size, film.centres[frame, wheels, 1].mean())) for wheels in sides.values()
         )

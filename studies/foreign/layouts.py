@@ -15,7 +15,7 @@ DEG = math.pi / 180.0
 EPOCH = 1_713_880_000
 """Start of every recording [s] since 1970."""
 UNITS = {"rad/s": 1.0, "rpm": 30.0 / math.pi, "deg/s": 1.0 / DEG, "rev/s": 0.5 / math.pi, "m/s": R, "mm/s": 1e3 * R}
-"""Value of 1 rad/s in each unit."""
+"""Unit of a wheel speed -> the value of 1 rad/s in this unit."""
 SUFFIX = {"rad/s": "rad_s", "rpm": "rpm", "deg/s": "deg_s", "rev/s": "rps", "m/s": "mps", "mm/s": "mm_s", "A": "A",
           "mA": "mA", "m": "m", "mm": "mm", "cm": "cm", "rad": "rad", "deg": "deg", "s": "s", "ms": "ms", "us": "us",
           "ns": "ns", "%": "pct"}  # fmt: skip

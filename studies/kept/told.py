@@ -25,7 +25,7 @@ def alike_of(verdict: Verdict) -> tuple[tuple[str, ...], ...]:
 
 
 def acts_besides(verdict: Verdict) -> bool:
-    """Return whether the verdict reports more than noise in the residual, or in a channel."""
+    """Return whether the verdict reports that the residual, or a channel of it, contains more than noise."""
     assert verdict.beliefs is not None
     more = verdict.beliefs.probability(lambda hypothesis: hypothesis.leaves_more)
     return more > MAJORITY or bool(beyond_noise(verdict.named, verdict.beliefs))

@@ -130,7 +130,7 @@ def word(name: str) -> Word:
     if numbered:
         first = word(numbered[1])
         return Word(name, (*first.tokens, numbered[2]), first.unit)
-    # A unit may stand in brackets, or after a slash, a comma or "in", at the end of the name.
+    # A unit may be in brackets, or after a slash, a comma or "in", at the end of the name.
     bracket = re.search(r"(?:\s*[\[({<]\s*|\s+/\s+|\s*,\s+|\s+in\s+)([^\[({<\])}>]{1,12}?)\s*[\])}>]?\s*$", name)
     unit = stated_unit(bracket[1]) if bracket else ""
     # A unit in brackets is removed from the name before the name is split into words.

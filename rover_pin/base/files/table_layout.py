@@ -99,7 +99,7 @@ def _score_layout(sample: list[str], filled_lines: list[int], delimiter: str, de
         return 0.0, Layout(delimiter, decimal, -1, False, 0)
     width, count = widths.most_common(1)[0]
     first = next(index for index, row in enumerate(rows) if len(row) == width and fractions[index] > 0.5)
-    # The header is the last row of names above the first row of numbers. A row of units may stand between the two, and
+    # The header is the last row of names above the first row of numbers. A row of units may be between the two, and
     # looks like names where its units are words.
     trailing_blank = not rows[first][-1]
     fit = [index for index in range(first) if len(fit_row(rows[index], width, trailing_blank)) == width]

@@ -44,7 +44,7 @@ def experiment_on(
     progress : callable
         Gets a message before each long step.
     memory : Memory
-        Store of finished replays. A stopped loop continues from this store.
+        Store of finished replays. A search that was stopped continues from this store.
     """
     model = with_raw_currents(log, model)
     progress("setting the rover down at every start")

@@ -111,7 +111,8 @@ class DriveLogData(LoopData):
         return cls(log, model, workers, memory)
 
     def remembering(self, folder: Path | None, effects: str | Path | None) -> "DriveLogData":
-        """Return the data with a store that keeps results of replays in `folder`, so that a stopped loop can continue.
+        """Return the data with a store that keeps results of replays in `folder`, so that a search that was stopped can
+        continue.
 
         Replays depend on the formulas of the effects. Therefore stored results are used only if the code of all effect
         files is unchanged: the user's file `effects`, the files of effects that other installed packages offer, and

@@ -1,4 +1,5 @@
-"""Stores for results of replays: in files, so that a stopped loop can continue, and in memory, for repeated requests.
+"""Stores for results of replays: in files, so that a search that was stopped can continue, and in memory, for repeated
+requests.
 
 `Memory` keeps arrays in files of a folder. `Recent` keeps the most recent predictions of the running process. Both find
 a result by a digest of everything on which the result depends.
@@ -33,7 +34,7 @@ longest ago are removed."""
 
 @dataclass(frozen=True)
 class Memory:
-    """Store of arrays in files, so that a stopped loop need not compute them again.
+    """Store of arrays in files, so that a search that was stopped need not compute the arrays again.
 
     The files hold arrays with checksums. Reading a file runs no code, and a damaged file is computed again.
 

@@ -157,14 +157,14 @@ def _time(scene: Scene, run: int, part: Part) -> np.ndarray:
 
 
 def _place(scene: Scene, run: int, part: Part) -> np.ndarray:
-    """Return the x coordinate of the wheels of an action's part in each row of a run [m] (rows,); for all wheels, the x
-    coordinate of the base.
+    """Return the x coordinate of the wheels on which the action acts, in each row of a run [m] (rows,). If the action
+    acts on all wheels, the result is the x coordinate of the base.
     """
     return scene.place(run, part)
 
 
 def _duty(scene: Scene, run: int, part: Part) -> np.ndarray:
-    """Return the mean duty of the wheels of an action's part, in each row of a run (rows,)."""
+    """Return the mean duty of the wheels on which the action acts, in each row of a run (rows,)."""
     columns = [scene.wheels.index(wheel) for wheel in part.wheels]
     return np.asarray(scene.experiment.runs[run].commands.duty[:, columns].mean(axis=1))
 

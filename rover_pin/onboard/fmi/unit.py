@@ -28,9 +28,9 @@ from rover_pin.simulation.compiled.toolchain import portable_library
 from rover_pin.simulation.native.shared import c_number
 
 SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("windows", ".dll")}
-"""Name of the operating system in FMI and suffix of a shared library, by the name of the platform in Python."""
+"""Name of a platform in Python -> name of its operating system in FMI, and suffix of its shared libraries."""
 MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
-"""Name of a processor in FMI, by its name in Python. A processor with one name in both is not listed."""
+"""Name of a processor in Python -> its name in FMI. A processor that has the same name in both is not listed."""
 MAIN = "unit.c"
 """Name of the C file that defines the functions of a unit that `fmi3.c` calls."""
 
@@ -79,7 +79,7 @@ class FunctionalUnit:
     variables: tuple[Variable, ...]
     "the variables, in the order of their values in C"
     sources: Mapping[str, str]
-    """texts of the C files, by the name of the file"""
+    """name of a C file -> its text"""
 
     @property
     def by_causality(self) -> dict[str, str]:

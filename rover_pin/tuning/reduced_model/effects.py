@@ -97,7 +97,7 @@ def _motor(model: Model, wheel: int, duty: Scalar, omega: Scalar, states: list[S
 
 def pull_along(model: Model, place: BodyPlace) -> Scalar:
     """Return the forward force on the body [N] that body effects and a gravity that is not vertical cause."""
-    # All joints stand at 0, because the reduced model has no motion of the suspension.
+    # All joint angles are 0, because the reduced model has no motion of the suspension.
     built = model.built
     body = _body(place, *(ca.SX.zeros(number) for number in _joints(model)))
     return sum((effect.push(body).f_x for effect in model.body_effects), built.mass * built.model.gravity.linear[0])

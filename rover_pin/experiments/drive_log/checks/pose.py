@@ -35,8 +35,8 @@ MIN_SPEED_RATIO = 0.1
 used. At a lower ratio, the noise of the tracker decides the direction."""
 
 MAX_ASTRAY = math.radians(75.0)
-"""Maximum angle between heading and course [rad] of a rover that drives partly sideways (crabs). Half of this angle
-occurs (assumed)."""
+"""Maximum angle between heading and course [rad] that a rover which drives partly sideways (crabs) may have. Real
+drives are assumed to reach at most half of it."""
 
 ALIGNED = 0.9
 """Minimum length of the mean of unit vectors that point in one direction. At this length, their angles scatter by 26
