@@ -146,7 +146,7 @@ def agreement(sand: Trace, hard: Trace) -> str:
     angle = "bogie_l"
 
     def apart(first: np.ndarray, second: np.ndarray) -> float:
-        """Return the RMS difference of two angles [deg]."""
+        """Return the RMS difference between two profiles of an angle [deg]."""
         return float(np.degrees(np.sqrt(np.mean((first - second) ** 2))))
 
     over_place = apart(*(np.interp(x, np.maximum.accumulate(trace["body_x"]), trace[angle]) for trace in (sand, hard)))

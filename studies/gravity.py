@@ -152,7 +152,9 @@ def rushing(scene: str, speed: float, place: str, damping: float) -> Scenario:
 
 
 def fast_row(names: tuple[str, float, str, float], trace: Trace, half: Trace | None) -> dict[str, Any]:
-    """Return the results of a fast drive as a row, with those of the drive with half the time step if `half` is given."""
+    """Return the results of a fast drive as a row of the table. If `half` is given, the row also holds the results with
+    half the time step.
+    """
     scene, speed, place, damping = names
     g = GRAVITIES[place]
     cells = {"scene": scene, "speed_mps": speed, "place": place, "froude": speed**2 / (g * LENGTH), "d_spm": damping}

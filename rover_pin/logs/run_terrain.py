@@ -256,7 +256,8 @@ class _Grid:
         """Return the matrix that maps the grid's heights to the changes of the terrain's slope between neighbouring
         cells [rad].
 
-        The rows of the sparse matrix are the changes along x, the changes along y, and the mixed ones.
+        The rows of the sparse matrix are the changes of the x slope along x, the changes of the y slope along y, and
+        the changes of the x slope along y, multiplied by sqrt(2).
         """
         # Kronecker products apply the one-dimensional differences along each axis of the grid.
         along = [scipy.sparse.diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(n - 2, n)) for n in (self.nx, self.ny)]

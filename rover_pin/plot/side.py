@@ -29,7 +29,8 @@ class Pose(NamedTuple):
     centres: np.ndarray
     "centres of the W wheels [m] (W, 3)"
     axles: np.ndarray
-    """unit vectors along the wheels' axles, pointing to the left; a steered wheel's axle is turned with it (W, 3)"""
+    """unit vectors along the wheels' axles (W, 3), pointing to the left; the axle of a steered wheel turns with the
+    wheel"""
     left: np.ndarray
     """horizontal part of the unit vector that points to the left of the base (2,)"""
 

@@ -41,11 +41,11 @@ class Footing(NamedTuple):
     """
 
     forward: np.ndarray
-    "along the ground, in the plane of the wheel [n, 3]"
+    """unit vectors along the ground, in the plane of each wheel [n, 3]"""
     left: np.ndarray
-    "along the axle [n, 3]"
+    """unit vectors along the axle of each wheel [n, 3]"""
     normal: np.ndarray
-    "out of the ground, in the plane of the wheel [n, 3]"
+    """unit vectors out of the ground, in the plane of each wheel [n, 3]"""
 
     @property
     def slope(self) -> np.ndarray:

@@ -22,7 +22,9 @@ SUFFIX = {"rad/s": "rad_s", "rpm": "rpm", "deg/s": "deg_s", "rev/s": "rps", "m/s
 
 
 class Layout(NamedTuple):
-    """A table in its owner's layout, and the true channels behind its columns."""
+    """A simulated recording as a table in the layout of an invented owner, together with the true channels that its
+    columns contain.
+    """
 
     columns: dict[str, Any]
     units: dict[str, str]

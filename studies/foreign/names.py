@@ -125,7 +125,8 @@ LANGUAGES = {
         "twist": ("odom_v odom_omega",),
     },
 }  # fmt: skip
-"""Names of several columns are separated by blanks, or by bars if a name contains blanks. {} is a corner or a side."""
+"""Language -> kind of column -> names that are drawn at random. The names of one entry are separated by blanks, or by
+bars if a name contains blanks. The braces {} are replaced by the name of a wheel or of a side."""
 
 
 def parted(names: str) -> list[str]:

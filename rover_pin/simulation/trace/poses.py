@@ -15,8 +15,8 @@ from rover_pin.terrain.terrain import Terrain
 
 
 class PathExtent(NamedTuple):
-    """Two numbers on the path of a drive: the rover's total turn, and its distance sideways. Figures decide by them
-    whether to show the drive from the side or from above.
+    """Two numbers on the path of a drive: the rover's total turn, and its distance sideways. Figures use these numbers
+    to decide whether to show the drive from the side or from above.
     """
 
     turn: float
