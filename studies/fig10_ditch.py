@@ -67,7 +67,8 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.shapes import ditch
 
 OUT_AT = 0.95
-"""Position of the body [m] at which the rear wheels (0.155 m behind the body) have left the far lip at 0.7 m."""
+"""Position x of the body [m] from which the rover is out of the ditch: the rear wheels, 0.155 m behind the body, have
+then passed the far edge of the ditch at 0.7 m."""
 DURATION = 45.0
 LOW_RESISTANCE = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03}
 

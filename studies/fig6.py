@@ -70,7 +70,9 @@ def theory(slips: np.ndarray) -> pd.DataFrame:
 
 
 def summary(curves: pd.DataFrame) -> pd.DataFrame:
-    """Return F at S = 0, 0.1 and 1, whether F rises throughout, and the steepest slope, by soil and form."""
+    """Return a table by soil and form of traction: the traction factor F at the slips 0, 0.1 and 1, whether F rises
+    throughout, and the steepest slope that F(S) holds.
+    """
     rows = []
     # The paper's statements refer to the assumed n = 1.
     for (soil, form), curve in curves[curves.n == 1.0].groupby(["soil", "form"], sort=False):

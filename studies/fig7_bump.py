@@ -90,7 +90,9 @@ def peak(trace: Trace, name: str) -> float:
 
 
 def summary(cases: dict[Case, Scenario], traces: dict[Case, Trace], quick: bool) -> pd.DataFrame:
-    """Return a row for each bump and height; drives at the usual height are not repeated."""
+    """Return the results as a table with one row for each bump and height. Drives at the usual height are taken from
+    the earlier results.
+    """
     rows = []
     heights = (HEIGHT,) if quick else (0.02, HEIGHT, 0.04)
     for width, ground in cases:

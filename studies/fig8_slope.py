@@ -58,7 +58,7 @@ TWELVE = 12.0
 
 
 class Reading(NamedTuple):
-    """A variant of the soil and the form: Table 1, or a deviation from it."""
+    """A variant of the soil and the form of traction: Table 1 of the paper, or Table 1 with changed values."""
 
     label: str
     settings: dict[str, Any]
@@ -104,7 +104,9 @@ def inclination(trace: Trace) -> np.ndarray:
 
 
 def reached(trace: Trace, slip: float) -> tuple[float, float]:
-    """Return time [s] and inclination [deg] from which the slip stays above `slip`; NaN if it never does."""
+    """Return the time [s] and the inclination [deg] from which on the slip stays above `slip`. Both are NaN if the slip
+    does not stay above it.
+    """
     below = np.flatnonzero(trace["slip_ml"] <= slip)
     first = 0 if below.size == 0 else int(below[-1]) + 1
     if first >= len(trace.t):
@@ -113,13 +115,17 @@ def reached(trace: Trace, slip: float) -> tuple[float, float]:
 
 
 def risen_since(trace: Trace, slip: float) -> float:
-    """Return the gain of elevation [m] since the slip stays above `slip`; NaN if it never does."""
+    """Return the elevation gained [m] since the time from which on the slip stays above `slip`; NaN if there is no such
+    time.
+    """
     when = reached(trace, slip)[0]
     return float(trace["body_z"][-1] - np.interp(when, trace.t, trace["body_z"]))
 
 
 def steepest(case: Scenario) -> float:
-    """Return atan F(1) of the case's soil and form [deg]."""
+    """Return the steepest slope [deg] that the soil holds at full slip: atan F(1), with the traction factor F of the
+    soil and the form of traction.
+    """
     law, wheel = case.model.effect(SoilTraction), case.model.rover.wheel
     return math.degrees(math.atan(load_traction_factor(1.0, case.model.soils[0], wheel, law.form, law.angles)))
 

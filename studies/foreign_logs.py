@@ -210,7 +210,9 @@ def faults(truth: Drive, table: Layout, spans: list[tuple[Any, float]]) -> Any:
 
 
 def aligned(x: Any, y: Any, true_x: Any, true_y: Any) -> tuple[float, float]:
-    """Return the rotation [rad] from truth to log, with each run shifted, and the remaining RMS distance [m]."""
+    """Return the rotation [rad] that turns the true path to the imported path, after a shift of each run, and the
+    remaining RMS distance [m].
+    """
     # Positions as complex numbers: the optimal rotation is the angle of the correlation.
     logged, truth = ([a + 1j * b - np.nanmean(a + 1j * b) for a, b in zip(*axes, strict=True)]
                   for axes in ((x, y), (true_x, true_y)))  # fmt: skip
@@ -220,7 +222,9 @@ def aligned(x: Any, y: Any, true_x: Any, true_y: Any) -> tuple[float, float]:
 
 
 def unlike(logged: Any, true: Any, shifted: bool = False) -> bool:
-    """Return whether a channel differs by more than noise and ENOUGH of its RMS value."""
+    """Return whether an imported channel differs from the truth by more than its noise plus the fraction ENOUGH of its
+    RMS value. The median difference is compared.
+    """
     if shifted:
         logged, true = ([part - np.nanmean(part) for part in both] for both in (logged, true))
     logged, true = np.concatenate(logged), np.concatenate(true)
@@ -229,7 +233,9 @@ def unlike(logged: Any, true: Any, shifted: bool = False) -> bool:
 
 
 def other_wheel(raw: np.ndarray, name: str, names: list[str], true: Any) -> bool:
-    """Return whether a current of unknown scale correlates better with another wheel than with its own."""
+    """Return whether an imported motor current of unknown scale correlates better with the true current of another
+    wheel than with that of its own wheel, or if its correlation with its own wheel is below 0.9.
+    """
     with_each = {candidate: abs(np.corrcoef(raw, np.concatenate(true(candidate)))[0, 1]) for candidate in names}
     return not with_each[name] > 0.9 or max(with_each, key=lambda candidate: with_each[candidate]) != name
 

@@ -115,7 +115,9 @@ def main() -> None:
 
 
 def fast_drives(speeds: tuple[float, ...], quick: bool) -> tuple[pd.DataFrame, dict[tuple[str, float, str], Trace]]:
-    """Return a row for each scene, speed and place. The fastest hard-bump drives also use other dampings."""
+    """Return the results of all fast drives, one row for each scene, speed and place (Earth, Mars or Moon). The fastest
+    drives over the hard bump are repeated with other values of the soil's damping.
+    """
     rows, courses = [], {}
     for scene in FAST:
         for speed in speeds:
@@ -133,7 +135,9 @@ def fast_drives(speeds: tuple[float, ...], quick: bool) -> tuple[pd.DataFrame, d
 
 
 def rushing(scene: str, speed: float, place: str, damping: float) -> Scenario:
-    """Return a fast drive: motor geared to `speed` [m/s], start RUN_UP before the obstacle, angles by sinkage."""
+    """Return the scenario of a fast drive. Its motor is geared to `speed` [m/s], it starts RUN_UP before the obstacle,
+    and its contact angles follow the sinkage.
+    """
     name, settings, end = FAST[scene]
     environment = {"gravity": place, "effect.NormalDamping.d": damping, "start.x": -RUN_UP}
     case = scenario(
@@ -170,7 +174,9 @@ def fast_row(names: tuple[str, float, str, float], trace: Trace, half: Trace | N
 
 
 def bouncing(trace: Trace, g: float, end: float) -> dict[str, float]:
-    """Return the values between FROM and `end`: entry speed, wheels in the air, peak and swing of loads."""
+    """Return the results of the section from FROM to `end`: entry speed, share of wheels in the air, longest flight of
+    a wheel, and largest value and variation of the wheel loads.
+    """
     there = (trace["body_x"] > FROM) & (trace["body_x"] < end)
     normal = trace.stack("normal")[there]
     off = normal < 1e-6

@@ -135,7 +135,9 @@ def sentences(share: float) -> pd.DataFrame:
 
 
 def slope(motor: str, share: float) -> dict[str, Any]:
-    """Return time and slip at which the 12 deg slope is reached, on an invented sand whose slip switches there."""
+    """Return the time at which the rover almost reaches the slope of 12 deg, and the inclinations at which the slip of
+    a middle wheel exceeds 0.1 and 0.9. The sand is invented, so that the slip rises suddenly near this slope.
+    """
     trace = scenario("slope", soil="table-1", motor=motor, duration=80.0 * share, **ABRUPT).drive()
     # The inclination grows with the distance from the foot of the slope.
     inclination = RATE * np.clip(trace["body_x"] - FOOT, 0.0, None)
@@ -151,7 +153,9 @@ def slope(motor: str, share: float) -> dict[str, Any]:
 
 
 def ditch(motor: str, share: float) -> dict[str, Any]:
-    """Return the wheel speeds in Table 1's ditch, and the outcome of each control where strength is lost."""
+    """Return the wheel speeds in the ditch on Table 1's sand, and the outcome of each control on sand that loses
+    strength.
+    """
     stuck = scenario("ditch", soil="table-1", motor=motor, duration=20.0 * share).drive()
     # Rim speeds at the end of the drive in mm/s, for a wheel radius of 45 mm.
     rims = 45.0 * stuck.stack("wheel_rate")[-1]
@@ -167,7 +171,9 @@ def ditch(motor: str, share: float) -> dict[str, Any]:
 
 
 def with_its_table(drive: Scenario) -> Scenario:
-    """Return the drive with Eq (9)'s table measured for its own motor on the default sand's flat."""
+    """Return the drive with a slip estimate by Eq (9) whose table of steady speeds was measured with the motor of this
+    drive, on level ground of the default sand.
+    """
     if not isinstance(getattr(drive.controller, "estimate", None), TableEstimate):
         return drive
     table = calibrated_table(scenario("flat", soil="table-1").model.replace(motor=drive.model.motor))

@@ -125,7 +125,9 @@ def best_laws(
 def judged(
     fresh: tuple[DriveCase, ...], laws: dict[str, list[tuple[str, SlipLaw]]], seeds: int, evaluations: Evaluations
 ) -> pd.DataFrame:
-    """Return a row for every drive, control (with a law for each drive) and seed of noise."""
+    """Return the results as a table with one row for every drive, control and noise seed. Each control has a law for
+    each drive.
+    """
     rows = []
     # Every drive with every noise seed; all laws meet the same noise.
     turns = [(at, turn) for at in range(len(fresh)) for turn in range(seeds)]
