@@ -22,8 +22,9 @@ SPACING = 0.5
 WIDTH, BAR = 7.5, 0.8
 """Width of the figure (WIDTH), and width of the margin for the colour bar of the heights (BAR) [in]. A page of the site
 shows a figure at about 690 pixels, so that a letter of the size FONT has a height of 11 pixels there."""
-FONT, TITLE_LENGTH = 9.0, 84
-"""Size of the letters of titles and labels (FONT) [pt], and maximum number of characters in a line of the title."""
+FONT, TITLE_LENGTH, LINE = 9.0, 84, 0.16
+"""Size of the letters of titles and labels (FONT) [pt], maximum number of characters in a line of the title, and height
+of such a line (LINE) [in]."""
 PAPER = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 1.0}
 """Style of the background of a label on the drawing."""
 LABEL = (0.6, 0.2)
@@ -60,14 +61,16 @@ def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
     if not views or extent.from_above:
         views.append(_AboveView(instants, model, trace))
     heights = [view.height for view in views]
-    figure, axes = sheet(
-        len(views), (WIDTH, sum(heights) + 1.0 + 0.5 * (len(views) - 1)), squeeze=False, height_ratios=heights
-    )
+    title = figure_text(in_lines(title_of(trace), TITLE_LENGTH))
+    # The margin above the axes has room for two lines of the title; each further line makes the figure higher.
+    top = MARGINS[3] + LINE * max(title.count("\n") - 1, 0)
+    height = sum(heights) + MARGINS[2] + top + 0.5 * (len(views) - 1)
+    figure, axes = sheet(len(views), (WIDTH, height), squeeze=False, height_ratios=heights)
     right = BAR if isinstance(views[-1], _AboveView) else MARGINS[1]
-    figure.subplots_adjust(hspace=0.25, right=1.0 - right / WIDTH)
+    figure.subplots_adjust(hspace=0.25, right=1.0 - right / WIDTH, top=1.0 - top / height)
     for view, panel in zip(views, axes[:, 0], strict=True):
         view.draw(panel)
-    axes[0, 0].set_title(figure_text(in_lines(title_of(trace), TITLE_LENGTH)), fontsize=FONT)
+    axes[0, 0].set_title(title, fontsize=FONT)
     return figure
 
 
