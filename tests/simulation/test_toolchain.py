@@ -217,7 +217,11 @@ def test_a_library_for_another_processor_does_not_serve_without_a_compiler(cache
 
 def test_a_damaged_library_does_not_serve_without_a_compiler(cache, monkeypatch):
     toolchain.shared_library(SOURCE, "twice")
-    only(cache).write_bytes(flipped(only(cache).read_bytes(), 2000))
+    # A new file takes the place of the library: this process still runs the old one, which must stay intact.
+    damaged = flipped(only(cache).read_bytes(), 2000)
+    library = only(cache)
+    library.unlink()
+    library.write_bytes(damaged)
     monkeypatch.setattr(toolchain, "compiler", lambda: None)
     with pytest.raises(MissingExtraError, match="compiler"):
         toolchain.shared_library(SOURCE, "twice")
