@@ -251,7 +251,8 @@ def _value(node: ast.expr, columns: Mapping[str, Array], where: str) -> Any:
 
     `columns` maps column names to arrays (rows,), and `where` is the beginning of an error message.
 
-    Raises DataError: the tree holds something else than numbers, columns, arithmetic, and calls of known functions.
+    Raises DataError: the tree holds something else than numbers, columns, arithmetic and calls of known functions, a
+    column or function is unknown, or a function has a wrong number of arguments.
     """
     # Only plain numbers are allowed: True and texts are constants of Python as well.
     if isinstance(node, ast.Constant) and type(node.value) in (int, float):
@@ -268,7 +269,18 @@ def _value(node: ast.expr, columns: Mapping[str, Array], where: str) -> Any:
         return -value if isinstance(node.op, ast.USub) else value
     # Only a function that is called by its name is allowed, so that no attribute of an object can be reached.
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-        return _evaluate_call(node, node.func.id, columns, where)
+        if _is_column(node):
+            return _column(str(node.args[0].value), columns, where)  # type: ignore[attr-defined]
+        name = node.func.id
+        if name not in FUNCTIONS:
+            raise DataError(f"{where}: there is no function '{name}' in a formula: {closest(name, FUNCTIONS)}")
+        function, count = FUNCTIONS[name]
+        if len(node.args) != count or node.keywords:
+            raise DataError(f"{where}: {name} takes {count} number{'s' * (count > 1)}, as in {name}({'abcd'[:count]}).")
+        length = len(next(iter(columns.values())))
+        # Each argument gets one value for each row, so that a function may be given plain numbers too.
+        arguments = [np.asarray(_value(argument, columns, where), dtype=float) for argument in node.args]
+        return function(*(np.broadcast_to(argument, (length,)) for argument in arguments))
     raise DataError(
         f"{where}: {ast.unparse(node)!r} is not allowed in a formula; use columns, numbers, + - * / ** and "
         f"{', '.join(FUNCTIONS)}."
@@ -283,21 +295,3 @@ def _column(name: str, columns: Mapping[str, Array], where: str) -> Array:
     if name not in columns:
         raise DataError(f"{where}: there is no column '{name}': {closest(name, columns)}")
     return columns[name]
-
-
-def _evaluate_call(node: ast.Call, name: str, columns: Mapping[str, Array], where: str) -> Any:
-    """Return the value of a function call in a formula. The call is `col("name")` or calls a function in FUNCTIONS.
-
-    Raises DataError: the function is unknown, or the number of arguments is wrong.
-    """
-    if _is_column(node):
-        return _column(str(node.args[0].value), columns, where)  # type: ignore[attr-defined]
-    if name not in FUNCTIONS:
-        raise DataError(f"{where}: there is no function '{name}' in a formula: {closest(name, FUNCTIONS)}")
-    function, count = FUNCTIONS[name]
-    if len(node.args) != count or node.keywords:
-        raise DataError(f"{where}: {name} takes {count} number{'s' * (count > 1)}, as in {name}({'abcd'[:count]}).")
-    length = len(next(iter(columns.values())))
-    # Each argument gets one value for each row, so that a function may be given plain numbers too.
-    arguments = [np.asarray(_value(argument, columns, where), dtype=float) for argument in node.args]
-    return function(*(np.broadcast_to(argument, (length,)) for argument in arguments))

@@ -107,7 +107,19 @@ def fits(value: Any, hint: Any) -> bool:
         part = inner[-1] if origin is dict else inner[0] if inner[1:] == (...,) else Any
         return isinstance(value, origin) and all(fits(element, part) for element in parts)
     if getattr(origin, "__name__", "") == "Callable":
-        return callable(value) and not isinstance(value, type) and _takes(value, inner[0])
+        if not callable(value) or isinstance(value, type):
+            return False
+        # The function must accept the positional arguments of the annotation. Some functions of C code have no known
+        # signature, and are accepted.
+        try:
+            signature = inspect.signature(value)
+        except ValueError:
+            return True
+        try:
+            signature.bind(*inner[0])
+        except TypeError:
+            return False
+        return True
     # A protocol has no class to test, so the value must have each of its public members.
     if getattr(hint, "_is_protocol", False):
         return all(hasattr(value, name) for name in vars(hint) if not name.startswith("_"))
@@ -117,19 +129,6 @@ def fits(value: Any, hint: Any) -> bool:
     # The fields of a NamedTuple are checked too, because NamedTuple itself does not check them.
     hints = get_type_hints(kind, include_extras=True) if issubclass(kind, tuple) and hasattr(kind, "_fields") else {}
     return isinstance(value, kind) and all(fits(getattr(value, name), field_hint) for name, field_hint in hints.items())
-
-
-def _takes(function: Any, parameters: Any) -> bool:
-    """Return whether a function can be called with these positional arguments; True if its signature is unknown."""
-    try:
-        signature = inspect.signature(function)
-    except ValueError:
-        return True
-    try:
-        signature.bind(*parameters)
-    except TypeError:
-        return False
-    return True
 
 
 NAMES = {float: "a number", int: "a whole number", str: "text", bool: "True or False", Path: "a path", NoneType: "None"}

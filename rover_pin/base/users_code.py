@@ -60,40 +60,27 @@ def guard(module: ModuleType) -> None:
         # Classes that the user's file only imports are not the user's code.
         if kind.__module__ != module.__name__:
             continue
-        _refuse_other_types(kind, file)
+        # The class variables must fit the `ClassVar` annotations of the package's base class.
+        for name, value in vars(kind).items():
+            # The nearest base class that annotates the variable decides about its type.
+            base = next((ancestor for ancestor in kind.__mro__[1:] if name in inspect.get_annotations(ancestor)), None)
+            hint = typing.get_type_hints(base, include_extras=True)[name] if base is not None else Any
+            if typing.get_origin(hint) is typing.ClassVar and not fits(value, typing.get_args(hint)[0]):
+                raise DataError(
+                    f"{file}, line {inspect.getsourcelines(kind)[1]}: {kind.__name__}.{name} is {_quoted(value)}, "
+                    f"{_demand(typing.get_args(hint)[0])}."
+                )
+        # Properties, class methods and static methods hold their function inside, so that the function is wrapped and
+        # then packed again. A member without a function of the user stays as it is.
         for name, member in list(vars(kind).items()):
-            guarded = _guard_member(kind, name, member, file)
+            if isinstance(member, property) and member.fget is not None:
+                guarded: Any = property(_guard_method(kind, name, member.fget, file))
+            elif isinstance(member, (classmethod, staticmethod)):
+                guarded = type(member)(_guard_method(kind, name, member.__func__, file))
+            else:
+                guarded = _guard_method(kind, name, member, file)
             if guarded is not member:
                 setattr(kind, name, guarded)
-
-
-def _refuse_other_types(kind: type, file: str) -> None:
-    """Check the class variables of a user's class against the `ClassVar` annotations of its base class.
-
-    Raises DataError: the value of a class variable does not fit the annotation.
-    """
-    for name, value in vars(kind).items():
-        # The nearest base class that annotates the variable decides about its type.
-        base = next((ancestor for ancestor in kind.__mro__[1:] if name in inspect.get_annotations(ancestor)), None)
-        hint = typing.get_type_hints(base, include_extras=True)[name] if base is not None else Any
-        if typing.get_origin(hint) is typing.ClassVar and not fits(value, typing.get_args(hint)[0]):
-            raise DataError(
-                f"{file}, line {inspect.getsourcelines(kind)[1]}: {kind.__name__}.{name} is {_quoted(value)}, "
-                f"{_demand(typing.get_args(hint)[0])}."
-            )
-
-
-def _guard_member(kind: type, name: str, member: Any, file: str) -> Any:
-    """Return a member of a user's class with its function wrapped by `_guard_method`.
-
-    The member may be a method, a property, a class method or a static method. A member of another kind is returned
-    unchanged.
-    """
-    if isinstance(member, property) and member.fget is not None:
-        return property(_guard_method(kind, name, member.fget, file))
-    if isinstance(member, (classmethod, staticmethod)):
-        return type(member)(_guard_method(kind, name, member.__func__, file))
-    return _guard_method(kind, name, member, file)
 
 
 def _guard_method(kind: type, name: str, method: Any, file: str) -> Any:
@@ -101,7 +88,18 @@ def _guard_method(kind: type, name: str, method: Any, file: str) -> Any:
     # A method from another file, such as a method that `dataclass` generates, is not the user's code.
     if not isinstance(method, FunctionType) or method.__code__.co_filename != file:
         return method
-    line, hint = method.__code__.co_firstlineno, _return_hint(kind, name)
+    line = method.__code__.co_firstlineno
+    # The return value must fit the annotation of the nearest base class that declares the method outside the user's
+    # module, because the user's own annotation may be missing or wrong. Without such a base class, any value fits.
+    hint: Any = Any
+    for base in kind.__mro__[1:]:
+        if base.__module__ != kind.__module__ and name in vars(base):
+            member = vars(base)[name]
+            declared = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
+            hints = typing.get_type_hints(declared, include_extras=True) if isinstance(declared, FunctionType) else {}
+            hint = hints.get("return", Any)
+            hint = kind if hint is typing.Self else hint
+            break
 
     @functools.wraps(method)
     def call(*args: Any, **named: Any) -> Any:
@@ -116,22 +114,6 @@ def _guard_method(kind: type, name: str, method: Any, file: str) -> Any:
         return result
 
     return call
-
-
-def _return_hint(kind: type, name: str) -> Any:
-    """Return the return annotation of a method from the nearest base class that declares it outside the user's module.
-
-    The result is `Any` if no such base class has the method.
-    """
-    # The user's own annotation may be missing or wrong, so the annotation of the package's base class counts.
-    for base in kind.__mro__[1:]:
-        if base.__module__ != kind.__module__ and name in vars(base):
-            member = vars(base)[name]
-            method = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
-            hints = typing.get_type_hints(method, include_extras=True) if isinstance(method, FunctionType) else {}
-            hint = hints.get("return", Any)
-            return kind if hint is typing.Self else hint
-    return Any
 
 
 def _demand(hint: Any) -> str:

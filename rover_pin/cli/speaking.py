@@ -104,31 +104,21 @@ class Program(TyperGroup):
         except USAGE_ERROR as usage:
             error: Any = usage
             # A setting that was written as an option is the most frequent of these errors: --soil.k instead of --set.
-            meant = _setting_meant(error)
-            if meant:
-                text = (
-                    f"{error.option_name} is not an option of {error.ctx.info_name} but a setting: write --set "
-                    f"{meant}=..."
-                )
-                raise ParameterError(text) from None
+            # Only commands with --set have settings.
+            name = getattr(error, "option_name", "").lstrip("-").replace("-", "_")
+            if name and error.ctx and any("--set" in parameter.opts for parameter in error.ctx.command.params):
+                from rover_pin.cli.completing import settings_to_set
+
+                if any(completion == f"{name}=" for completion, _ in settings_to_set(error.ctx, name)):
+                    text = (
+                        f"{error.option_name} is not an option of {error.ctx.info_name} but a setting: write --set "
+                        f"{name}=..."
+                    )
+                    raise ParameterError(text) from None
             # typer's message may have several lines; an error of this program is one line.
             message = " ".join(error.format_message().split()).rstrip(".")
             hint = f"; rover-pin {error.ctx.info_name} --help lists all options" if error.ctx else ""
             raise ParameterError(f"{message}{hint}.") from None
-
-
-def _setting_meant(error: Any) -> str:
-    """Return the name of the setting that a user wrote as an option by mistake, as in --soil.k; empty if there is none.
-
-    `error` is typer's error about the unknown option.
-    """
-    name = getattr(error, "option_name", "").lstrip("-").replace("-", "_")
-    # Only commands with --set have settings.
-    if not name or not error.ctx or not any("--set" in parameter.opts for parameter in error.ctx.command.params):
-        return ""
-    from rover_pin.cli.completing import settings_to_set
-
-    return name if any(completion == f"{name}=" for completion, _ in settings_to_set(error.ctx, name)) else ""
 
 
 def _print_version(flag: bool) -> None:

@@ -111,8 +111,31 @@ def compare_drives(first: tuple[str, Trace], second: tuple[str, Trace]) -> Compa
         *number_rows(first_side, second_side),
         *(channel.row for channel in channels),
     )
-    sentence = _describe_difference(t, channels)
-    return Comparison("drives", first_label, second_label, sentence, rows, differences(first_side, second_side))
+    changes = differences(first_side, second_side)
+    period = f"Over the {t[-1] - t[0]:.1f} s that both drives cover"
+    if all(channel.rms == 0.0 for channel in channels):
+        sentence = f"{period}, all {len(channels)} common channels are equal."
+        return Comparison("drives", first_label, second_label, sentence, rows, changes)
+    # For other drives, the sentence states the distance between the positions, and the channel that differs most
+    # otherwise.
+    by_name = {channel.name: channel for channel in channels}
+    clauses = []
+    offsets = [by_name[name].difference for name in POSITION if name in by_name]
+    if offsets:
+        distance = np.sqrt(sum(offset**2 for offset in offsets))
+        end, rms = float(distance[-1, 0]), float(np.sqrt(np.nanmean(distance**2)))
+        clauses = [f"the positions are {format_value(rms, 'm')} (RMS) apart, {format_value(end, 'm')} at the end"]
+    # Differences of one unit are compared with the largest SD of this unit. A channel that hardly moves would
+    # otherwise seem to differ most.
+    scale = {channel.unit: max(peer.spread for peer in channels if peer.unit == channel.unit) for channel in channels}
+    moving = [channel for channel in channels if scale[channel.unit] > 0 and channel.name not in POSITION]
+    if moving:
+        largest = max(moving, key=lambda channel: channel.rms / scale[channel.unit])
+        clauses.append(
+            f"among the other channels, {largest.name} differs most (RMS {format_value(largest.rms, largest.unit)})"
+        )
+    sentence = f"{period}, {'; '.join(clauses)}."
+    return Comparison("drives", first_label, second_label, sentence, rows, changes)
 
 
 def _words(trace: Trace) -> dict[str, str]:
@@ -157,32 +180,3 @@ def _channels(first: Trace, second: Trace, t: np.ndarray) -> Iterator[Channel]:
             continue
         wheels = tuple(wheel for _, wheel in members if wheel)
         yield Channel(family, first.unit(members[0][0]).removeprefix("-"), wheels, sides[0], sides[1])
-
-
-def _describe_difference(t: np.ndarray, channels: list[Channel]) -> str:
-    """Return a sentence on the distance between the positions in two drives, and on the channel that differs most
-    otherwise.
-
-    t are the times [s] at which the channels are compared.
-    """
-    period = f"Over the {t[-1] - t[0]:.1f} s that both drives cover"
-    if all(channel.rms == 0.0 for channel in channels):
-        # Equal drives need no further clauses.
-        return f"{period}, all {len(channels)} common channels are equal."
-    by_name = {channel.name: channel for channel in channels}
-    clauses = []
-    offsets = [by_name[name].difference for name in POSITION if name in by_name]
-    if offsets:
-        distance = np.sqrt(sum(offset**2 for offset in offsets))
-        end, rms = float(distance[-1, 0]), float(np.sqrt(np.nanmean(distance**2)))
-        clauses = [f"the positions are {format_value(rms, 'm')} (RMS) apart, {format_value(end, 'm')} at the end"]
-    # Differences of one unit are compared with the largest SD of this unit. A channel that hardly moves would
-    # otherwise seem to differ most.
-    scale = {channel.unit: max(peer.spread for peer in channels if peer.unit == channel.unit) for channel in channels}
-    moving = [channel for channel in channels if scale[channel.unit] > 0 and channel.name not in POSITION]
-    if moving:
-        largest = max(moving, key=lambda channel: channel.rms / scale[channel.unit])
-        clauses.append(
-            f"among the other channels, {largest.name} differs most (RMS {format_value(largest.rms, largest.unit)})"
-        )
-    return f"{period}, {'; '.join(clauses)}."

@@ -152,8 +152,21 @@ def ground_map(
     if raster.suffix.lower() in GEOTIFF:
         corner = float(places.x[0]), float(places.y[0])
         files.append(write_geotiff(out / "map.tif", raster, corner, places.spacing, bands))
-    summary = {**_summary(table, places, len(models)), "duration_s": first.duration, **drives.summary()}
-    return table, {**summary, "assumed": list(first.assumed), "files": [str(file) for file in files]}
+    # The last column states how often the rover gets stuck at a place.
+    stuck, counts = table.columns[-1], f"{len(places.x)} by {len(places.y)}"
+    alone = "" if len(models) > 1 else " (on one model, so this is no probability)"
+    return table, {
+        "places": f"{counts}, every {places.spacing:.3g} m from x = {places.x[0]:.3g} m, y = {places.y[0]:.3g} m",
+        "headings": f"{places.headings}; each number is the largest over the headings",
+        "models": len(models) or 1,
+        stuck: f"above 0 at {int((table[stuck] > 0.0).sum())} of {len(table)} places{alone}",
+        **{f"max_{column}": float(table[column].max()) for column in ("slope_deg", "roughness_mm", "slip")},
+        "median_energy_J_per_m": float(table["energy_J_per_m"].median()),
+        "duration_s": first.duration,
+        **drives.summary(),
+        "assumed": list(first.assumed),
+        "files": [str(file) for file in files],
+    }
 
 
 def places_on(first: Scenario, chosen: MapSettings = MapSettings()) -> Places:
@@ -252,17 +265,3 @@ def _worst_heading(drives: pd.DataFrame, models: int) -> pd.DataFrame:
     numbers["p_stuck" if models > 1 else "stuck"] = headings["stuck"].mean()
     # Levels 0 and 1 are x and y, so the maximum is over the headings.
     return pd.DataFrame(numbers).groupby(level=[0, 1]).max().rename_axis(["x_m", "y_m"])
-
-
-def _summary(table: pd.DataFrame, places: Places, models: int) -> dict[str, Any]:
-    """Return a summary of a map: its places, its extremes, and the number of places where the rover gets stuck."""
-    stuck, counts = table.columns[-1], f"{len(places.x)} by {len(places.y)}"
-    alone = "" if models > 1 else " (on one model, so this is no probability)"
-    return {
-        "places": f"{counts}, every {places.spacing:.3g} m from x = {places.x[0]:.3g} m, y = {places.y[0]:.3g} m",
-        "headings": f"{places.headings}; each number is the largest over the headings",
-        "models": models or 1,
-        stuck: f"above 0 at {int((table[stuck] > 0.0).sum())} of {len(table)} places{alone}",
-        **{f"max_{name}": float(table[name].max()) for name in ("slope_deg", "roughness_mm", "slip")},
-        "median_energy_J_per_m": float(table["energy_J_per_m"].median()),
-    }

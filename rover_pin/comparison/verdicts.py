@@ -61,7 +61,25 @@ def compare_verdicts(first: Side, second: Side) -> Comparison:
         sentences = [f"Both verdicts{other_data} are {answers[0]}."]
     else:
         sentences = [f"The first verdict is {answers[0]}, the second{other_data} {answers[1]}."]
-    sentences.append(_compare_errors(first, changes))
+    # Second sentence: the held-out errors. Their changes are fractions of the first verdict's error, so that channels
+    # in different units can be compared; a negative share is a smaller error in the second verdict.
+    shares = {
+        name: change / first.numbers[name].value
+        for name, change in changes.items()
+        if name.startswith(HELD_OUT) and first.numbers[name].value > 0 and math.isfinite(change)
+    }
+    if shares:
+        smaller, larger = (sum(sign * share > EQUAL_ERRORS for share in shares.values()) for sign in (-1, 1))
+        largest = max(shares, key=lambda name: abs(shares[name]))
+        most = ""
+        if abs(shares[largest]) > EQUAL_ERRORS:
+            most = f"; {largest.removeprefix(HELD_OUT)} changes most, by {shares[largest]:+.0%}"
+        sentences.append(
+            f"{len(shares)} held-out errors are compared: the second verdict's error is smaller in {smaller} and "
+            f"larger in {larger}{most}."
+        )
+    else:
+        sentences.append("They have no held-out error of one channel in common.")
     # An interval is in the row's text. Rows without an interval are constants or errors, and state no agreement.
     if any("[" in row.first and "[" in row.second for row in rows):
         disjoint = [row.name for row in rows if row.note == "intervals apart"]
@@ -71,29 +89,3 @@ def compare_verdicts(first: Side, second: Side) -> Comparison:
             else "All 95 % intervals overlap."
         )
     return Comparison("verdicts", first.label, second.label, " ".join(sentences), rows, changes)
-
-
-def _compare_errors(first: Side, changes: dict[str, float]) -> str:
-    """Return a sentence with the numbers of held-out errors that are smaller and larger in the second verdict than in
-    the first.
-
-    `changes` maps the name of each number to its change from the first to the second verdict.
-    """
-    # Changes as fractions of the first error, so that channels in different units can be compared.
-    shares = {
-        name: change / first.numbers[name].value
-        for name, change in changes.items()
-        if name.startswith(HELD_OUT) and first.numbers[name].value > 0 and math.isfinite(change)
-    }
-    if not shares:
-        return "They have no held-out error of one channel in common."
-    # A negative share is a smaller error in the second verdict.
-    smaller, larger = (sum(sign * share > EQUAL_ERRORS for share in shares.values()) for sign in (-1, 1))
-    largest = max(shares, key=lambda name: abs(shares[name]))
-    most = ""
-    if abs(shares[largest]) > EQUAL_ERRORS:
-        most = f"; {largest.removeprefix(HELD_OUT)} changes most, by {shares[largest]:+.0%}"
-    return (
-        f"{len(shares)} held-out errors are compared: the second verdict's error is smaller in {smaller} and larger in "
-        f"{larger}{most}."
-    )

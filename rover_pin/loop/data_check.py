@@ -1,6 +1,5 @@
 """Check measured data before any fit. The check refuses data, warns of suspicious values, or accepts the data."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +10,6 @@ from rover_pin.base.files.paths import closest_samples, data_path, is_file, is_f
 from rover_pin.base.quantity import declared_sds, quantities, record_from
 from rover_pin.base.trust import Trust
 from rover_pin.discrepancy.experiment import FileExperiment, Parts
-from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.estimation.parameter import declared_in, parameter_of
 from rover_pin.experiments.drive_log.checks import log as log_checks
 from rover_pin.experiments.drive_log.model import MOTOR_SD, usual_soil
@@ -144,39 +142,27 @@ def factors_of(log: DriveLog) -> TractionFactors:
     lag = usual_slip(log.load_rover())
     soil = usual_soil(log.load_rover()).replace(**points.declared)
     declared = Parts({"soil": soil, "wheel": points.wheel, "motor": motor, "RelaxedSlip": lag})
-    shifts = (*_motor_shifts(log, motor, points), *_lag_shifts(log, motor, lag, points))
-    return TractionFactors(points, declared, shifts, log.metadata.name)
-
-
-def _motor_shifts(log: DriveLog, motor: Motor, points: TractionPoints) -> Iterator[Shift]:
-    """Yield, for each uncertain motor constant, how an error of one standard deviation changes the traction factors.
-
-    A motor constant yields nothing if the standard deviations of the points already contain its error.
-    """
+    # For each shift, the points are computed once more with one number one SD larger.
+    shifts = []
     sds = declared_sds(log.metadata.motor, Motor, f"{log.file}: [motor]")
     for name in MOTOR_CONSTANTS:
         value = float(getattr(motor, name))
         # The SD that the log states counts; without one, an assumed fraction of the value.
         sd = sds.get(name, MOTOR_SD.get(name, 0.0) * value)
+        # The standard deviations of the points already contain the declared errors of some constants.
         if sd > 0.0 and not (name in sds and name in IN_POINTS):
-            # The points are computed once more with the constant one SD larger; the difference is the shift of one SD.
             source = declared_in("motor", name, log.metadata.motor, sds)
             number = parameter_of(f"motor.{name}", motor, sd, declared=source)
-            yield Shift(number, _factor_shift(drive_points(log, motor.replace(**{name: value + sd})), points))
-
-
-def _lag_shifts(log: DriveLog, motor: Motor, lag: RelaxedSlip, points: TractionPoints) -> Iterator[Shift]:
-    """Yield how an error of one standard deviation in a number of the slip's lag changes the traction factors.
-
-    The numbers are the length and the damping of the lag (`RelaxedSlip`). A log declares neither, so their standard
-    deviation is DECLARED_SD times their value.
-    """
+            shifted = drive_points(log, motor.replace(**{name: value + sd}))
+            shifts.append(Shift(number, _factor_shift(shifted, points)))
+    # A log declares no number of the slip's lag, so that their standard deviation is DECLARED_SD times their value.
     for name in quantities(lag):
         value = float(getattr(lag, name))
         sd = DECLARED_SD * value
         if sd > 0.0:
             shifted = drive_points(log, motor, SAMPLING, lag.replace(**{name: value + sd}))
-            yield Shift(parameter_of(f"RelaxedSlip.{name}", lag, sd), _factor_shift(shifted, points))
+            shifts.append(Shift(parameter_of(f"RelaxedSlip.{name}", lag, sd), _factor_shift(shifted, points)))
+    return TractionFactors(points, declared, tuple(shifts), log.metadata.name)
 
 
 def _factor_shift(shifted: TractionPoints, points: TractionPoints) -> np.ndarray:

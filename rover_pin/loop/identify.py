@@ -12,7 +12,6 @@ from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy.conclude import fits_of, proper, side_of
 from rover_pin.discrepancy.question import LoopData, Progress, Question, quiet
-from rover_pin.discrepancy.verdict import Side
 from rover_pin.estimation.identification import ChannelFit, Estimate, Identification, variance_shares
 from rover_pin.estimation.parameter import Prior
 from rover_pin.experiments.drive_log.loop_data import DriveLogData
@@ -136,6 +135,15 @@ def identify(
         # Constants of a rig that were also measured apart from the runs.
         rig = experiment.declared
         independent = flags(rig, side.model.soil, float(rig.wheel.b), side.numbers)
+    # The constants of wheel and soil that were not fitted, with their values [SI].
+    fitted = {number.name for number in question.numbers}
+    constants = [
+        f"{owner}.{name}"
+        for owner, record in question.experiment.records(side.model).items()
+        if isinstance(record, (Wheel, Soil))
+        for name in quantities(record)
+    ]
+    held = {name: question.experiment.value(side.model, name) for name in constants if name not in fitted}
     # Divided by both standard deviations, the covariance becomes the correlation.
     size = np.sqrt(np.diag(covariance))
     return Identification(
@@ -144,7 +152,7 @@ def identify(
         tuple(estimates),
         side.misfit,
         channels,
-        _held_constants(question, side),
+        held,
         independent,
         covariance / np.outer(size, size),
     )
@@ -186,15 +194,3 @@ def _full_name(name: str) -> str:
     if "." in name:
         return name
     return f"wheel.{name}" if name in quantities(Wheel) else f"soil.{name}"
-
-
-def _held_constants(question: Question, side: Side) -> dict[str, float]:
-    """Return the constants of wheel and soil that were not fitted, in a dict from name to value [SI]."""
-    free = {number.name for number in question.numbers}
-    names = [
-        f"{owner}.{name}"
-        for owner, record in question.experiment.records(side.model).items()
-        if isinstance(record, (Wheel, Soil))
-        for name in quantities(record)
-    ]
-    return {name: question.experiment.value(side.model, name) for name in names if name not in free}

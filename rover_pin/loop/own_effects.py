@@ -49,7 +49,20 @@ def _refuse_unfit(kinds: Mapping[type[AnyEffect], str]) -> None:
     effects = base_effects(Soil(), rover, SoilTraction())
     model = Model(rover, flat(), (Soil(),), Motor(), effects=effects)
     for kind, place in kinds.items():
-        _refuse_missing_neutral(kind, f"{place}: {kind.__name__}")
+        if not kind.neutral:
+            raise DataError(
+                f"{place}: {kind.__name__} does not declare the values at which it vanishes, so the loop cannot add "
+                'it. Add neutral: ClassVar[dict[str, float]] = {"a": 0.0}, where a is the name of its size.'
+            )
+        # A misspelt name would leave the effect's real size at its default when the loop removes the effect.
+        strange = [name for name in kind.neutral if name not in quantities(kind)]
+        if strange:
+            names = ", ".join(quantities(kind))
+            has = f"it has {names}." if names else "it has none. Is @dataclass(frozen=True) above the class?"
+            raise DataError(
+                f"{place}: {kind.__name__} has a neutral value for '{strange[0]}', but the effect has no quantity of "
+                f"this name: {has}"
+            )
         try:
             # Build the effect, move it to its neutral values, and write its formulas out as the loop will.
             effect = reading_traction(kind(), model.effects)
@@ -67,19 +80,3 @@ def _refuse_unfit(kinds: Mapping[type[AnyEffect], str]) -> None:
             if is_stop(error):
                 raise
             raise mistake(error, file, line) from error
-
-
-def _refuse_missing_neutral(kind: type[AnyEffect], where: str) -> None:
-    if not kind.neutral:
-        raise DataError(
-            f"{where} does not declare the values at which it vanishes, so the loop cannot add it. Add "
-            'neutral: ClassVar[dict[str, float]] = {"a": 0.0}, where a is the name of its size.'
-        )
-    # A misspelt name would leave the effect's real size at its default when the loop removes the effect.
-    strange = [name for name in kind.neutral if name not in quantities(kind)]
-    if strange:
-        names = ", ".join(quantities(kind))
-        has = f"it has {names}." if names else "it has none. Is @dataclass(frozen=True) above the class?"
-        raise DataError(
-            f"{where} has a neutral value for '{strange[0]}', but the effect has no quantity of this name: {has}"
-        )

@@ -59,13 +59,15 @@ class LoopRequest:
 
     def _line(self, effects: str | Path | None, out: str | Path | None) -> str:
         options = {"--model": self.model, "--effects": effects, "--out": out, "--experiment": self.experiment}
-        words = [word for option, value in options.items() if value for word in (option, _path_or_word(value))]
+        # `shell_line` needs to know which words are paths.
+        words = [
+            word
+            for option, value in options.items()
+            if value
+            for word in (option, value if isinstance(value, Path) else str(value))
+        ]
         trusted = ["--trust"] if self.trust else []
         return shell_line(["rover-pin", "close-loop", *map(Path, self.folders), *words, *trusted])
-
-
-def _path_or_word(value: object) -> Path | str:
-    return value if isinstance(value, Path) else str(value)
 
 
 def provenance(request: LoopRequest, seconds: float) -> dict[str, Any]:

@@ -61,28 +61,7 @@ def history(trace: Trace) -> Figure:
 
     A channel that stays constant is stated in the title instead of being drawn.
     """
-    panels, constant = _panels(trace)
-    size = (SIZE[0], 1.0 + SIZE[1] * len(panels))
-    figure, axes = sheet(len(panels), size=size, sharex=True, squeeze=False)
-    # The legends are to the right of the panels.
-    figure.subplots_adjust(right=1.0 - LEGEND / SIZE[0])
-    for (label, draw), panel in zip(panels.items(), axes[:, 0], strict=True):
-        draw(panel)
-        handles, labels = panel.get_legend_handles_labels()
-        wrapped = [textwrap.fill(text, 20) for text in labels]
-        panel.legend(handles, wrapped, fontsize=7, loc="upper left", bbox_to_anchor=(1.003, 1.0), borderaxespad=0.0)
-        panel.set_ylabel(label)
-        panel.grid(alpha=0.3)
-    axes[0, 0].set_title(figure_text(in_lines([*title_of(trace), *constant])), fontsize=8)
-    axes[-1, 0].set_xlabel("t [s]")
-    return figure
-
-
-def _panels(trace: Trace) -> tuple[dict[str, Panel], list[str]]:
-    """Return the panels of the figure, and a phrase for each channel of the wheels that is constant.
-
-    The panels are a dict from label to the function that draws the panel.
-    """
+    # Each label of a panel, with the function that draws the panel, and a phrase for each channel that is constant.
     drawn: dict[str, Panel] = {}
     constant = []
     for signal in (SLIP, SINKAGE, DUTY):
@@ -99,14 +78,28 @@ def _panels(trace: Trace) -> tuple[dict[str, Panel], list[str]]:
     # The heading has a separate panel: on the scale of a turn of 90 deg, suspension angles would look constant.
     for label, starts in {ANGLES: ("rocker", "bogie", "body_pitch", "body_roll"), HEADING: ("body_yaw",)}.items():
         angles = {name.replace("_", " "): np.degrees(trace[name]) for name in trace.channels if name.startswith(starts)}
-        moving = {name: values for name, values in angles.items() if np.nanmax(values) - np.nanmin(values) > MIN_TURN}
+        moving = {name: series for name, series in angles.items() if np.nanmax(series) - np.nanmin(series) > MIN_TURN}
         if moving:
             drawn[label] = lambda axes, lines=moving: _draw_angles(axes, trace, lines)  # type: ignore[misc]
     # A figure needs at least one panel, even if nothing changes.
     if not drawn:
         drawn[SLIP.label] = lambda axes: wheel_lines(axes, trace, SLIP.channel)
     order = (SLIP.label, SPEED, SINKAGE.label, ANGLES, HEADING, DUTY.label)
-    return {label: drawn[label] for label in order if label in drawn}, constant
+    panels = {label: drawn[label] for label in order if label in drawn}
+    size = (SIZE[0], 1.0 + SIZE[1] * len(panels))
+    figure, axes = sheet(len(panels), size=size, sharex=True, squeeze=False)
+    # The legends are to the right of the panels.
+    figure.subplots_adjust(right=1.0 - LEGEND / SIZE[0])
+    for (label, draw), panel in zip(panels.items(), axes[:, 0], strict=True):
+        draw(panel)
+        handles, labels = panel.get_legend_handles_labels()
+        wrapped = [textwrap.fill(text, 20) for text in labels]
+        panel.legend(handles, wrapped, fontsize=7, loc="upper left", bbox_to_anchor=(1.003, 1.0), borderaxespad=0.0)
+        panel.set_ylabel(label)
+        panel.grid(alpha=0.3)
+    axes[0, 0].set_title(figure_text(in_lines([*title_of(trace), *constant])), fontsize=8)
+    axes[-1, 0].set_xlabel("t [s]")
+    return figure
 
 
 def _in_words(signal: WheelChannel, values: Mapping[str, np.ndarray]) -> str:

@@ -123,7 +123,21 @@ class _SideView(_View):
         # Earlier moments are light and the last moment is black.
         for shade, pose in zip(np.linspace(0.65, 0.0, len(self.instants)), self.instants, strict=True):
             draw_rover(axes, rover, pose.q, str(shade), self.side)
-        for x, when, line in _side_labels(self.instants, self.span):
+        # Consecutive moments at almost one position share one label of their times.
+        width = self.span[1] - self.span[0]
+        groups: list[list[Pose]] = []
+        for pose in self.instants:
+            if groups and abs(pose.q[0] - groups[-1][-1].q[0]) < SAME_PLACE * width:
+                groups[-1].append(pose)
+            else:
+                groups.append([pose])
+        last, line = -math.inf, 0
+        for group in sorted(groups, key=lambda members: float(members[0].q[0])):
+            x, end = float(np.mean([pose.q[0] for pose in group])), f"{group[-1].t:.1f} s"
+            # Labels alternate between two lines where they are closer than 9 % of the width.
+            line = 1 - line if abs(x - last) < 0.09 * width else 0
+            last = x
+            when = end if len(group) == 1 else f"{group[0].t:.1f} to {end}"
             axes.text(x, self.top + 0.9 * _radius(rover) * line, when, ha="center", va="bottom", fontsize=FONT)
         self.frame(axes, ("x", "z"))
         side_name = "left" if self.side == "l" else "right"
@@ -196,29 +210,6 @@ def _ahead(pose: Pose, r: float) -> np.ndarray:
 def _radius(rover: Rover) -> float:
     """Return the radius of the rover's largest wheel [m]. The margins of the drawings are multiples of this radius."""
     return max(float(wheel.wheel.r) for wheel in rover.wheels)
-
-
-def _side_labels(instants: list[Pose], span: tuple[float, float]) -> Iterator[tuple[float, str, int]]:
-    """Yield the position x [m], the text and the line (0 or 1) of each time label above the rovers in the side view.
-
-    Rovers at one position share a label. A label that is close to the previous label is drawn one line higher. `span`
-    is the smallest and the largest x of the view [m].
-    """
-    width = span[1] - span[0]
-    # Consecutive rovers at almost one position form a group, which gets one label.
-    groups: list[list[Pose]] = []
-    for pose in instants:
-        if groups and abs(pose.q[0] - groups[-1][-1].q[0]) < SAME_PLACE * width:
-            groups[-1].append(pose)
-        else:
-            groups.append([pose])
-    last, line = -math.inf, 0
-    for group in sorted(groups, key=lambda members: float(members[0].q[0])):
-        x, end = float(np.mean([pose.q[0] for pose in group])), f"{group[-1].t:.1f} s"
-        # Two lines alternate where labels are closer than 9 % of the width.
-        line = 1 - line if abs(x - last) < 0.09 * width else 0
-        last = x
-        yield x, end if len(group) == 1 else f"{group[0].t:.1f} to {end}", line
 
 
 def title_of(trace: Trace) -> list[str]:

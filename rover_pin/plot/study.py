@@ -65,7 +65,12 @@ def study_figure(name: str, table: Any, units: Mapping[str, str], logarithmic: S
     words = [parameter for parameter in units if parameter not in numbers]
     kind = next((word for word in words if 1 < done[word].nunique() <= len(COLOURS)), "")
     kinds = done[kind].astype(str).to_numpy() if kind else np.full(len(done), "")
-    outcomes = _outcomes(done, units)
+    # The outcomes are the numbers that differ from case to case: first the main ones, then the others in the order of
+    # the table. They follow the column "key"; the columns before it describe the case.
+    first = list(table.columns).index("key") + 1 if "key" in table.columns else 0
+    varying = [column for column in table.columns[first:] if column not in units and _varies(done, column)]
+    main = [column for column in MAIN_OUTCOMES if column in varying]
+    outcomes = [*main, *(column for column in varying if column not in main)][:MAX_OUTCOMES]
     columns = list(numbers.values())[:MAX_PARAMETERS] or [Parameter(np.arange(len(done)), "case")]
     has_maps = len(columns) > 1 and bool(outcomes)
     heights = [1.25] * has_maps + [1.0] * max(len(outcomes), 1)
@@ -74,9 +79,23 @@ def study_figure(name: str, table: Any, units: Mapping[str, str], logarithmic: S
     figure.suptitle(f"{figure_text(name)}: {len(table)} cases{failed}", fontsize=11)
     parts = np.atleast_1d(figure.subfigures(len(heights), 1, height_ratios=heights))
     if has_maps:
-        _maps(parts[0], columns, done[outcomes[0]].to_numpy(float), outcomes[0], kinds, kind)
-    for n, (part, outcome) in enumerate(zip(parts[has_maps:], outcomes, strict=False)):
-        _row(part, columns, done[outcome].to_numpy(float), outcome, kinds, kind if n == 0 else "")
+        # Maps of the first outcome over the first two parameters, one map for each kind of case. All maps share one
+        # colour scale, so that their colours can be compared.
+        (x, y), outcome = columns[:2], done[outcomes[0]].to_numpy(float)
+        drawn_kinds = list(dict.fromkeys(sorted(kinds)))[:MAX_KINDS]
+        scale = Normalize(np.nanmin(outcome), np.nanmax(outcome))
+        panels = parts[0].subplots(1, len(drawn_kinds), sharey=True, squeeze=False)[0]
+        for axes, category in zip(panels, drawn_kinds, strict=True):
+            mask, label = kinds == category, y.label if axes is panels[0] else ""
+            axes.scatter(
+                x.values[mask], y.values[mask], c=outcome[mask], cmap="cividis", norm=scale, s=42, ec="k", lw=0.3
+            )
+            axes.set(xlabel=x.label, ylabel=label)
+            axes.set_title(figure_text(f"{kind} = {category}") if kind else "", fontsize=9)
+            _set_scales(axes, x, y)
+        parts[0].colorbar(ScalarMappable(scale, "cividis"), ax=list(panels), label=_label(outcomes[0]))
+    for n, (part, column) in enumerate(zip(parts[has_maps:], outcomes, strict=False)):
+        _row(part, columns, done[column].to_numpy(float), column, kinds, kind if n == 0 else "")
     return figure
 
 
@@ -86,43 +105,10 @@ def _varies(table: Any, name: str) -> bool:
     return values.dtype.kind in "fi" and values.nunique() > 1
 
 
-def _outcomes(table: Any, units: Mapping[str, str]) -> list[str]:
-    """Return the names of the outcomes to show: numbers that differ from case to case, at most MAX_OUTCOMES.
-
-    MAIN_OUTCOMES come first, then the other outcomes in the order of the table.
-    """
-    # The outcomes follow the column "key"; the columns before it describe the case.
-    first = list(table.columns).index("key") + 1 if "key" in table.columns else 0
-    names = [name for name in table.columns[first:] if name not in units and _varies(table, name)]
-    main = [name for name in MAIN_OUTCOMES if name in names]
-    return [*main, *(name for name in names if name not in main)][:MAX_OUTCOMES]
-
-
 def _label(outcome: str) -> str:
     """Return the name of an outcome in words with its unit, such as "mean slip" or "energy motor [J]"."""
     words, _, unit = outcome.rpartition("_")
     return f"{words.replace('_', ' ')} [{UNITS[unit]}]" if unit in UNITS and words else outcome.replace("_", " ")
-
-
-def _maps(part: Any, columns: list[Parameter], outcome: np.ndarray, name: str, kinds: np.ndarray, kind: str) -> None:
-    """Draw maps of an outcome over the first two parameters, with one map for each kind of case. The colour is the
-    outcome.
-
-    `part` is the subfigure, `name` is the name of the outcome, `kinds` has the kind of each case, and `kind` is the
-    name of the parameter that decides the kind.
-    """
-    x, y = columns[:2]
-    drawn_kinds = list(dict.fromkeys(sorted(kinds)))[:MAX_KINDS]
-    # All maps share one colour scale, so that their colours can be compared.
-    scale = Normalize(np.nanmin(outcome), np.nanmax(outcome))
-    panels = part.subplots(1, len(drawn_kinds), sharey=True, squeeze=False)[0]
-    for axes, category in zip(panels, drawn_kinds, strict=True):
-        mask = kinds == category
-        axes.scatter(x.values[mask], y.values[mask], c=outcome[mask], cmap="cividis", norm=scale, s=42, ec="k", lw=0.3)
-        axes.set(xlabel=x.label, ylabel=y.label if axes is panels[0] else "")
-        axes.set_title(figure_text(f"{kind} = {category}") if kind else "", fontsize=9)
-        _set_scales(axes, x, y)
-    part.colorbar(ScalarMappable(scale, "cividis"), ax=list(panels), label=_label(name))
 
 
 def _row(part: Any, columns: list[Parameter], outcome: np.ndarray, name: str, kinds: np.ndarray, kind: str) -> None:

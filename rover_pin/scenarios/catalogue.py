@@ -21,7 +21,7 @@ from rover_pin.parameters import SOILS
 from rover_pin.rover.description.layout import rover_folder
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import settings_of
-from rover_pin.scenarios.scenes import SCENES, Scene
+from rover_pin.scenarios.scenes import SCENES
 from rover_pin.simulation.model.effect_files import AnyEffect, offered_effects, package_effects
 
 OWN_PACKAGE = "rover_pin"
@@ -65,31 +65,23 @@ def scenarios() -> list[Entry]:
     """Return the list of ready-made drives, each with the numbers of its terrain and with its settings that are not
     defaults.
     """
-    return [
-        Entry(
-            name,
-            scene.summary or first_sentence(scene.terrain),
-            {"duration_s": scene.duration},
-            _numbers_of_scene(name, scene),
-        )
-        for name, scene in SCENES.items()
-    ]
-
-
-def _numbers_of_scene(name: str, scene: Scene) -> tuple[Setting, ...]:
-    """Return the settings of a scene that differ from the defaults, and all numbers of the scene's terrain."""
-    # A terrain of a file has no numbers before the file is known, so that only the arguments of its reader are listed.
-    if "path" in scene.terrain_settings:
-        arguments = arguments_of(scene.terrain).items()
-        return tuple(
-            Setting.of(f"terrain.{name}", scene.terrain_settings.get(name, 0.0), argument.quantity)
-            for name, argument in arguments
-        )
-    all_settings = settings_of(name)
-    scene_settings = (
-        setting._replace(source="of this scenario") for setting in all_settings if setting.name in scene.settings
-    )
-    return (*scene_settings, *(setting for setting in all_settings if setting.name.startswith("terrain.")))
+    entries = []
+    for name, scene in SCENES.items():
+        # A terrain of a file has no numbers before the file is known, so that only the arguments of its reader are
+        # listed. Any other scene shows its settings that differ from the defaults, and all numbers of its terrain.
+        if "path" in scene.terrain_settings:
+            numbers = [
+                Setting.of(f"terrain.{argument}", scene.terrain_settings.get(argument, 0.0), spec.quantity)
+                for argument, spec in arguments_of(scene.terrain).items()
+            ]
+        else:
+            all_settings = settings_of(name)
+            changed = [setting for setting in all_settings if setting.name in scene.settings]
+            numbers = [setting._replace(source="of this scenario") for setting in changed]
+            numbers += [setting for setting in all_settings if setting.name.startswith("terrain.")]
+        summary = scene.summary or first_sentence(scene.terrain)
+        entries.append(Entry(name, summary, {"duration_s": scene.duration}, tuple(numbers)))
+    return entries
 
 
 def soils() -> list[Entry]:

@@ -86,17 +86,36 @@ def controller_from(request: Settings, model: Model, trust: Trust) -> Controller
         limit = _limit(request, model, "none" if kind == "none" else "at-slip")
         return constant if isinstance(limit, NoLimit) else TorqueLimited(constant, limit)
     if kind in ("turn", "point-turn"):
-        return _turn(request, model, 0.0 if kind == "point-turn" else scale(model.rover) * RADIUS)
+        defaults = {"radius": 0.0 if kind == "point-turn" else scale(model.rover) * RADIUS, "delta": CRUISE_DUTY}
+        chosen = {**defaults, **request.arguments("control", Turn.of, defaults, ("radius", "delta"))}
+        if any(steers(model.rover)):
+            return Turn.of(model.rover, **chosen)
+        # Without steering, the rover turns like a tracked vehicle: servos hold different speeds on the two sides.
+        sides = {"track": _track(request, model)}
+        sides |= request.arguments("control", HeldSpeeds.of, sides, ("track",))
+        return HeldSpeeds.turning(model.rover, model.motor, **chosen, **sides)
     if kind in ("cmd-vel", "rates"):
         return _held_speeds(request, model, kind)
     if kind == "route":
         return _route(request, model)
     if kind == "crab":
         return Crab.of(model.rover, **request.arguments("control", Crab.of, {}, ("angle", "delta")))
-    # The remaining words are slip controls, which differ in the slip that they feed back.
-    estimate = _estimate(kind, model, request)
-    if not isinstance(estimate, OnboardSlip):
-        return _slip_control(request, model, estimate, "constant")
+    # The remaining words are slip controls, which differ in the slip that they feed back: that of the simulation
+    # itself, of a tracker, of the table of Eq (9), or of the on-board model, alone or with a camera.
+    if kind == "true":
+        return _slip_control(request, model, TrueSlip(), "constant")
+    if kind == "tracked":
+        tracker = Tracker(**request.record("control.tracker", Tracker))
+        tracked = TrackedSlip(model.rover.radii, tracker, CONTROL_PERIOD, _seed(request))
+        return _slip_control(request, model, tracked, "constant")
+    if kind == "eq9":
+        table = TableEstimate(flat_table(model), float(model.rover.wheel.r))
+        return _slip_control(request, model, table, "constant")
+    odometry = None
+    if kind == "camera":
+        camera = Camera(**request.record("control.camera", Camera))
+        odometry = VisualOdometry(camera, CONTROL_PERIOD, _seed(request))
+    estimate = OnboardSlip.of(model, odometry=odometry)
     slip_control = _slip_control(request, model, estimate, "hole")
     # A rover that is stuck would dig itself in, so that the on-board estimates stop it by default.
     stop = request.choice("control.stop", "stuck", STOPS, "beyond the paper: a rover that is stuck digs itself in")
@@ -110,22 +129,6 @@ def drives_straight(request: Settings) -> bool:
     """
     kind = request.known["control"].value
     return isinstance(kind, str) and kind in CONTROLS and kind not in TURNS
-
-
-def _turn(request: Settings, model: Model, radius: float) -> Turn | HeldSpeeds:
-    """Return a control that drives a turn of a given radius [m]; the radius 0 is a turn on the spot.
-
-    If wheels can be steered, the control sets duties and steering angles; otherwise servos hold different speeds on the
-    two sides. Settings may replace the radius and the duty.
-    """
-    defaults = {"radius": radius, "delta": CRUISE_DUTY}
-    chosen = {**defaults, **request.arguments("control", Turn.of, defaults, ("radius", "delta"))}
-    if any(steers(model.rover)):
-        return Turn.of(model.rover, **chosen)
-    # Without steering, the rover turns like a tracked vehicle: the sides run at different speeds.
-    sides = {"track": _track(request, model)}
-    sides |= request.arguments("control", HeldSpeeds.of, sides, ("track",))
-    return HeldSpeeds.turning(model.rover, model.motor, **chosen, **sides)
 
 
 def _track(request: Settings, model: Model) -> float:
@@ -216,24 +219,6 @@ def _slip_control(request: Settings, model: Model, estimate: SlipEstimate, usual
     gains = load_gains(str(file)) if file is not None else HOLE_GAINS if hole else Gains()
     gains = gains.replace(**request.record("control", gains))
     return SlipControl(gains, estimate, _limit(request, model, "saturation"), hole=hole)
-
-
-def _estimate(kind: str, model: Model, request: Settings) -> SlipEstimate | OnboardSlip:
-    """Return the slip estimate that belongs to a word of the setting `control`: true, tracked, onboard, camera or
-    eq9.
-    """
-    # Each word names the source of the slip: the simulation itself, a tracker, the on-board model, or a camera.
-    if kind == "true":
-        return TrueSlip()
-    if kind == "tracked":
-        tracker = Tracker(**request.record("control.tracker", Tracker))
-        return TrackedSlip(model.rover.radii, tracker, CONTROL_PERIOD, _seed(request))
-    if kind == "onboard":
-        return OnboardSlip.of(model)
-    if kind == "camera":
-        camera = Camera(**request.record("control.camera", Camera))
-        return OnboardSlip.of(model, odometry=VisualOdometry(camera, CONTROL_PERIOD, _seed(request)))
-    return TableEstimate(flat_table(model), float(model.rover.wheel.r))
 
 
 def _seed(request: Settings) -> int:

@@ -90,8 +90,10 @@ def read_drive(path: str | Path, trust: Trust = Trust()) -> DriveFile:
         raise DataError(f"{path}: scenario = {scenario!r} is not allowed: give the name of one scenario in quotes.")
     if "trust" in table:
         raise DataError(f"{path}: trust cannot be stated in a file: remove it, and use --effects FILE or --trust.")
-    settings = _flat(table, path)
-    settings = {name: _from_folder(name, value, path.parent) for name, value in settings.items()}
+    # Paths in the file count from its folder, and those in the settings from the working directory.
+    settings = {
+        name: str(path.parent / value) if _is_path(name, value) else value for name, value in _flat(table, path).items()
+    }
     trust.refuse_elsewhere(settings, path)
     return DriveFile(scenario, settings)
 
@@ -133,17 +135,15 @@ def with_drive_file(name: str | Path, settings: Mapping[str, Any], trust: Trust)
     if not is_drive_file(name):
         return str(name), dict(settings)
     drive = read_drive(name, trust)
-    kept = {key: value for key, value in drive.settings.items() if not _is_replaced(key, settings)}
+    # A setting of the file is replaced under the same name, as the same angle in another unit (`terrain.angle` and
+    # `terrain.angle_deg`), or as a whole object in memory (soil=Soil() replaces `soil.k`).
+    kept = {}
+    for key, value in drive.settings.items():
+        whole = key.partition(".")[0]
+        is_object = whole in settings and not isinstance(settings[whole], (str, Path))
+        if not is_object and not {key, key.removesuffix("_deg"), f"{key}_deg"} & settings.keys():
+            kept[key] = value
     return drive.scenario, {**kept, **settings}
-
-
-def _is_replaced(name: str, settings: Mapping[str, Any]) -> bool:
-    """Return whether `settings` replace the setting `name` of a file: under the same name, as the same angle in another
-    unit (`terrain.angle` and `terrain.angle_deg`), or as a whole object in memory (soil=Soil() replaces `soil.k`).
-    """
-    whole = name.partition(".")[0]
-    is_object = whole in settings and not isinstance(settings[whole], (str, Path))
-    return name in settings or name.removesuffix("_deg") in settings or f"{name}_deg" in settings or is_object
 
 
 def _flat(table: Mapping[str, Any], path: Path, prefix: str = "") -> dict[str, Any]:
@@ -180,10 +180,3 @@ def _is_path(name: str, value: Any) -> bool:
         return False
     has_suffix, has_comma = Path(value).suffix != "", "," in value
     return name in PATHS or (name in NAMES_OR_PATHS and has_suffix) or (name == ROUTE and not has_comma)
-
-
-def _from_folder(name: str, value: Any, folder: Path) -> Any:
-    """Return the value of a setting, in which a path that counts from `folder` becomes one from the working
-    directory.
-    """
-    return str(folder / value) if _is_path(name, value) else value

@@ -394,26 +394,18 @@ def _compose_scenario(name: str, settings: Mapping[str, Any]) -> tuple[Scenario,
     }
     in_memory = (*(("terrain",) if ground is not None else ()), *settings.keys() - final_settings.keys() - {"trust"})
     timing = Timing(dt)
-    origin = Origin(
-        _saved_settings(final_settings, request, model.rover), in_memory, (model, controller, start, timing)
-    )
+    # A drive file states the main settings (SAVED) with their values, and then all settings that the user gave.
+    saved = {name: request.known[name].value for name in SAVED if name in request.known}
+    # A model file states rover and soil itself.
+    if "model" in final_settings:
+        saved = {name: value for name, value in saved.items() if name not in ("rover", "soil")}
+    # A soil in the rover's TOML may change numbers of a named soil; the name alone would be another soil.
+    if "soil" not in final_settings and set(model.rover.soil) != {"name"}:
+        saved.pop("soil", None)
+    saved = {name: int(value) if name.endswith(".seed") else value for name, value in saved.items()}
+    origin = Origin({**saved, **final_settings}, in_memory, (model, controller, start, timing))
     ready = Scenario(name, model, controller, duration, start, timing, symmetric, final_settings, assumed, origin)
     return ready, request
-
-
-def _saved_settings(given: Mapping[str, Any], request: Settings, rover: Rover) -> dict[str, Any]:
-    """Return the settings of a drive file: the main settings (SAVED) with their values, then all settings that the user
-    gave.
-    """
-    known = {name: request.known[name].value for name in SAVED if name in request.known}
-    # A model file states rover and soil itself.
-    if "model" in given:
-        known = {name: value for name, value in known.items() if name not in ("rover", "soil")}
-    # A soil in the rover's TOML may change numbers of a named soil; the name alone would be another soil.
-    if "soil" not in given and set(rover.soil) != {"name"}:
-        known.pop("soil", None)
-    known = {name: int(value) if name.endswith(".seed") else value for name, value in known.items()}
-    return {**known, **given}
 
 
 def _scene_on(scene: Scene, ground: Any, request: Settings) -> Scene:
@@ -469,14 +461,17 @@ def is_mirrored(model: Model) -> bool:
     return not model.body_effects and not one_sided and model.rover.symmetric
 
 
-def _terrain(scene: Scene, request: Settings, size: float) -> Terrain:
-    """Return the terrain of a scene, with its stretch of hard ground, scaled to the size of the rover's wheels.
+def _model(scene: Scene, request: Settings, trust: Trust) -> ComposedModel:
+    """Return the model of a drive on the scene's terrain, and the assumptions that were made for it.
 
-    `size` is the size of the wheels divided by the size of the wheels of Nexus 6.
+    The model is composed first. Then settings change its terrain, its law of side force, its numbers and its effects.
 
-    Raises ParameterError: the scene needs a file, and `terrain.path` is missing.
+    Raises ParameterError: the scene needs a file of its terrain, and `terrain.path` is missing.
     """
-    # The scene's own numbers come first, and the user's settings replace them.
+    of_file = request.values.get("model") is not None
+    model, assumed, resists = compose_model(request, trust)
+    size = scale(model.rover)
+    # The scene's own numbers of the terrain come first, scaled to the wheels, and the user's settings replace them.
     preset = scale_arguments(scene.terrain, scene.terrain_settings, size)
     overrides = request.arguments("terrain", scene.terrain, preset)
     if "path" in preset and "path" not in overrides and not is_file(Path(preset["path"])):
@@ -489,18 +484,6 @@ def _terrain(scene: Scene, request: Settings, size: float) -> Terrain:
     patch = request.arguments("patch", with_ground, {"x_from": -math.inf, "x_to": math.inf}, ("x_from", "x_to"))
     if patch:
         terrain = with_ground(terrain, **{"x_from": -math.inf, "x_to": math.inf, **patch}, index=1)
-    return terrain
-
-
-def _model(scene: Scene, request: Settings, trust: Trust) -> ComposedModel:
-    """Return the model of a drive on the scene's terrain, and the assumptions that were made for it.
-
-    The model is composed first. Then settings change its terrain, its law of side force, its numbers and its effects.
-    """
-    of_file = request.values.get("model") is not None
-    model, assumed, resists = compose_model(request, trust)
-    size = scale(model.rover)
-    terrain = _terrain(scene, request, size)
     if size != 1.0 and terrain != shapes.flat() and "path" not in scene.terrain_settings:
         assumed = (*assumed, f"terrain: lengths that are not set are those for Nexus 6's wheels times {size:.3g}")
     model, side = on_its_side(model.replace(terrain=terrain), request, scene.askew, of_file)

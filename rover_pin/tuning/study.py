@@ -188,7 +188,29 @@ class TuningStudy:
                 f"Tuning '{self.name}' has several drives with the name '{twice[0]}': give each drive its own name."
             )
         for name, bounds in self.free.items():
-            _check_bounds(self.name, name, bounds, self._numbers)
+            if name not in self._numbers:
+                raise ParameterError(
+                    f"Tuning '{self.name}': there is no gain with the name '{name}': {closest(name, self._numbers)}"
+                )
+            try:
+                low, high = map(float, bounds)
+            except (TypeError, ValueError):
+                raise ParameterError(
+                    f"Tuning '{self.name}': the bounds of {name} are {bounds!r}. Give two numbers, [low, high]."
+                ) from None
+            if not low < high:
+                raise ParameterError(
+                    f"Tuning '{self.name}': the bounds of {name} are out of order: low = {low:g} must be below high = "
+                    f"{high:g}. Swap or widen the bounds."
+                )
+            # A logarithmic scale needs a lower bound above 0.
+            lowest, highest = 1e-12 if name in LOGARITHMIC else self._numbers[name].low, self._numbers[name].high
+            if not (lowest <= low and high <= highest):
+                scale = f" ({name} is searched on a logarithmic scale)" if name in LOGARITHMIC else ""
+                raise ParameterError(
+                    f"Tuning '{self.name}': the bounds of {name} must lie in [{lowest:g}, {highest:g}], but are "
+                    f"[{low:g}, {high:g}]{scale}."
+                )
 
     @property
     def _numbers(self) -> dict[str, Quantity]:
@@ -314,29 +336,3 @@ def _check_whole(name: str, value: Any, low: int) -> None:
     """Raise ParameterError if a value is no whole number or is below `low`. `name` is the value's name in the error."""
     if isinstance(value, bool) or not isinstance(value, int) or value < low:
         raise ParameterError(f"{name} = {value!r} is not allowed: give a whole number, {low} or more.")
-
-
-def _check_bounds(study: str, name: str, bounds: tuple[float, float], gain_fields: Mapping[str, Quantity]) -> None:
-    """Raise ParameterError if the bounds of a free number are not two numbers, are out of order, or lie outside the
-    range that is allowed for this number.
-    """
-    if name not in gain_fields:
-        raise ParameterError(f"Tuning '{study}': there is no gain with the name '{name}': {closest(name, gain_fields)}")
-    try:
-        low, high = map(float, bounds)
-    except (TypeError, ValueError):
-        raise ParameterError(
-            f"Tuning '{study}': the bounds of {name} are {bounds!r}. Give two numbers, [low, high]."
-        ) from None
-    if not low < high:
-        raise ParameterError(
-            f"Tuning '{study}': the bounds of {name} are out of order: low = {low:g} must be below high = {high:g}. "
-            "Swap or widen the bounds."
-        )
-    # A logarithmic scale needs a lower bound above 0.
-    floor = 1e-12 if name in LOGARITHMIC else gain_fields[name].low
-    if not (floor <= low and high <= gain_fields[name].high):
-        raise ParameterError(
-            f"Tuning '{study}': the bounds of {name} must lie in [{floor:g}, {gain_fields[name].high:g}], but are "
-            f"[{low:g}, {high:g}]{f' ({name} is searched on a logarithmic scale)' if name in LOGARITHMIC else ''}."
-        )

@@ -125,23 +125,15 @@ def _cases(where: str, entries: Any, path: Path, trust: Trust) -> tuple[DriveCas
         # All other keys are settings of the scenario.
         settings = dict(_flat(entry))
         if is_drive_file(scenario):
-            scenario, settings = _of_drive_file(
-                trust.within(path.parent, scenario, f"{path}: {drive}"), settings, trust
-            )
+            file = trust.within(path.parent, scenario, f"{path}: {drive}")
+            # The file is checked on its own first, so that an error in it names the file.
+            make_scenario(file, trust=trust)
+            scenario, all_settings = with_drive_file(file, settings, trust)
+            # The control of the drive file is left out, because the tuning chooses the control.
+            others = {name: value for name, value in all_settings.items() if name.partition(".")[0] != "control"}
+            settings = {**others, **settings}
         cases.append(DriveCase(name, scenario, tuple(sorted(settings.items())), post_peak))
     return tuple(cases)
-
-
-def _of_drive_file(file: Path, settings: Mapping[str, Any], trust: Trust) -> tuple[str, dict[str, Any]]:
-    """Return the scenario and the settings of a drive in a drive file, changed by `settings`.
-
-    The control of the drive file is left out, because the tuning chooses the control.
-    """
-    # The file is checked on its own first, so that an error in it names the file.
-    make_scenario(file, trust=trust)
-    scenario, all_settings = with_drive_file(file, settings, trust)
-    others = {name: value for name, value in all_settings.items() if name.partition(".")[0] != "control"}
-    return scenario, {**others, **settings}
 
 
 def _name(where: str, key: str, value: Any) -> str:

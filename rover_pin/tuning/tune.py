@@ -165,11 +165,23 @@ def _tune_law(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
     if polished:
         costs = ", ".join(f"{point.before:.4f} to {point.cost:.4f}" for point in polished)
         notes.append(f"the polish on the full rover reduced the cost of the best starts from {costs}")
+    # The report compares constant duty, constant duty with the torque check, and the slip control before and after the
+    # tuning with each slip estimate. The full rover drives all drives with each of these controls.
+    laws = {"constant duty": (CONSTANT_DUTY, study.law_before), "torque check": (TORQUE_CHECK, study.law_before)}
+    for estimate in study.compared:
+        laws[f"before, {estimate}"] = (estimate, study.law_before)
+        laws[f"tuned, {estimate}"] = (estimate, best.law)
+    runs = (*study.training_runs, *study.held_out_runs)
+    jobs = [(run.case, Control.of(name, numbers, run.seed)) for name, numbers in laws.values() for run in runs]
+    # The flat list of scores is divided into one row for each control, and each row into training and held-out drives.
+    scores = [Score(*score) for score in evaluations.run("report on all drives", full_score, jobs)]
+    rows = [tuple(scores[i * len(runs) : (i + 1) * len(runs)]) for i in range(len(laws))]
+    split = len(study.training_runs)
     return TuningResult(
         study,
         best.law,
         candidates,
-        tuple(_report_scores(study, evaluations, best.law)),
+        tuple(ControlScores(name, row[:split], row[split:]) for name, row in zip(laws, rows, strict=True)),
         tuple((check.case.name, *check[1:]) for check in check_drives(study, evaluations, best.law)),
         evaluations.fresh,
         time.perf_counter() - begin,
@@ -317,23 +329,3 @@ def place_of(study: TuningStudy, law: SlipLaw) -> np.ndarray:
             math.log(value / low) / math.log(high / low) if name in LOGARITHMIC else (value - low) / (high - low)
         )
     return np.array(place)
-
-
-def _report_scores(study: TuningStudy, evaluations: Evaluations, law: SlipLaw) -> list[ControlScores]:
-    """Return the scores of all drives with each control that the report compares, driven by the full rover (the
-    complete simulation).
-
-    The controls are constant duty, constant duty with the torque check, and the slip control before and after the
-    tuning with each slip estimate.
-    """
-    laws = {"constant duty": (CONSTANT_DUTY, study.law_before), "torque check": (TORQUE_CHECK, study.law_before)}
-    for estimate in study.compared:
-        laws[f"before, {estimate}"] = (estimate, study.law_before)
-        laws[f"tuned, {estimate}"] = (estimate, law)
-    runs = (*study.training_runs, *study.held_out_runs)
-    jobs = [(run.case, Control.of(name, numbers, run.seed)) for name, numbers in laws.values() for run in runs]
-    # The flat list of scores is divided into one row for each control, and each row into training and held-out drives.
-    scores = [Score(*score) for score in evaluations.run("report on all drives", full_score, jobs)]
-    rows = [tuple(scores[i * len(runs) : (i + 1) * len(runs)]) for i in range(len(laws))]
-    split = len(study.training_runs)
-    return [ControlScores(name, row[:split], row[split:]) for name, row in zip(laws, rows, strict=True)]

@@ -152,7 +152,18 @@ def _matrix(body: memoryview, order: str, allowance: Allowance) -> tuple[str, An
         (length,), (_, names) = struct.unpack(f"{order}i", first), next(parts, (0, body[:0]))
         keys = [bytes(names[start : start + length]).split(b"\0")[0].decode() for start in range(0, len(names), length)]
         fields = [_matrix(field, order, allowance)[1] for _, field in parts] if keys else []
-        value = {key: _join_records(fields[index :: len(keys)]) for index, key in enumerate(keys)}
+        value = {}
+        for index, key in enumerate(keys):
+            # A field of a single record keeps its value. Over several records, a field of one number each becomes the
+            # vector of these numbers, and any other field becomes None.
+            in_records = fields[index :: len(keys)]
+            scalars = [part for part in in_records if isinstance(part, np.ndarray) and part.size == 1]
+            if len(in_records) == 1:
+                value[key] = in_records[0]
+            elif len(scalars) == len(in_records):
+                value[key] = np.array([float(scalar.reshape(())) for scalar in scalars])
+            else:
+                value[key] = None
     elif array_class in NUMBERS and not flag & COMPLEX and kind in ELEMENT_TYPES:
         # The numbers are stored column by column. Dimensions of length 1 are removed, so that a column becomes a
         # vector.
@@ -164,18 +175,6 @@ def _matrix(body: memoryview, order: str, allowance: Allowance) -> tuple[str, An
     elif flag & COMPLEX:
         value = NotNumbers("complex array")
     return bytes(name).decode("latin-1"), value
-
-
-def _join_records(values: list[Any]) -> Any:
-    """Return the value of one field of a MATLAB struct from the field's values in all records of the struct.
-
-    The value of a single record is returned unchanged. For several records the result is the vector of their numbers,
-    or None if a record holds something else than one number.
-    """
-    if len(values) == 1:
-        return values[0]
-    numbers = [value for value in values if isinstance(value, np.ndarray) and value.size == 1]
-    return np.array([float(value.reshape(())) for value in numbers]) if len(numbers) == len(values) else None
 
 
 def _elements(body: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:

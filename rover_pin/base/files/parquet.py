@@ -54,6 +54,7 @@ def unpack_table(packed: bytes, max_bytes: int = MAX_NUMBERS_BYTES) -> Any:
     Raises pyarrow.ArrowException: the bytes are not Parquet.
     """
     import pyarrow
+    import pyarrow.compute
     import pyarrow.parquet
     from pyarrow import types
 
@@ -81,9 +82,16 @@ def unpack_table(packed: bytes, max_bytes: int = MAX_NUMBERS_BYTES) -> Any:
         raise too_large(max_bytes)
     table, remaining_bytes = file.read(), max_bytes - cells
     for number, field in enumerate(table.schema):
-        # A column of texts is paid for by the length of all its cells before it is expanded.
+        # A column of texts is paid for by the length of all its cells before it is expanded. Until then, each chunk
+        # holds its distinct texts once, and an index for each cell.
         if types.is_dictionary(field.type) and _is_text(field.type):
-            remaining_bytes -= _text_bytes(table.column(number))
+            for chunk in table.column(number).chunks:
+                lengths = pyarrow.compute.binary_length(chunk.dictionary)
+                # The longest text is checked first: a single huge text must not be multiplied by its cells.
+                longest = pyarrow.compute.max(lengths).as_py() or 0
+                if longest > MAX_CELL:
+                    raise OSError(errno.EFBIG, f"it has a cell of {longest} characters, and {MAX_CELL} is the maximum")
+                remaining_bytes -= pyarrow.compute.sum(lengths.take(chunk.indices)).as_py() or 0
             if remaining_bytes < 0:
                 raise too_large(max_bytes)
             try:
@@ -103,23 +111,3 @@ def _is_text(kind: Any) -> bool:
 
     kind = kind.value_type if types.is_dictionary(kind) else kind
     return any((types.is_string(kind), types.is_large_string(kind), types.is_binary(kind), types.is_large_binary(kind)))
-
-
-def _text_bytes(column: Any) -> int:
-    """Return the size [bytes] that a column of texts has when each cell stores its own text.
-
-    The column is stored as dictionaries: each chunk has its distinct texts once, and an index for each cell.
-
-    Raises OSError: a text is longer than MAX_CELL.
-    """
-    import pyarrow.compute
-
-    total = 0
-    for chunk in column.chunks:
-        lengths = pyarrow.compute.binary_length(chunk.dictionary)
-        # The longest text of the chunk is checked first: a single huge text must not be multiplied by its cells.
-        longest = pyarrow.compute.max(lengths).as_py() or 0
-        if longest > MAX_CELL:
-            raise OSError(errno.EFBIG, f"it has a cell of {longest} characters, and {MAX_CELL} is the maximum")
-        total += pyarrow.compute.sum(lengths.take(chunk.indices)).as_py() or 0
-    return total

@@ -41,29 +41,25 @@ def private_folders() -> list[Path]:
         with contextlib.suppress(OSError):  # raised where there is no folder for temporary files
             folders.append(Path(tempfile.gettempdir()) / f"rover_pin-{os.geteuid()}")
     # Someone else's library in such a folder would run as this user, so unsafe folders are never returned.
-    troubles = {folder: _trouble(folder) for folder in folders}
-    safe = [folder for folder in folders if not troubles[folder]]
+    troubles: dict[Path, str] = {}
+    for folder in folders:
+        try:
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            status = folder.stat()
+        except OSError as error:
+            troubles[folder] = error.strerror or str(error)
+            continue
+        if status.st_uid not in (os.geteuid(), 0):
+            troubles[folder] = f"it belongs to another user ({status.st_uid})"
+        elif status.st_mode & OTHERS_WRITE:
+            troubles[folder] = "other users can write to it"
+    safe = [folder for folder in folders if folder not in troubles]
     if not safe:
         reasons = (
             "; ".join(f"{folder}: {trouble}" for folder, trouble in troubles.items()) or "this user has no home folder"
         )
         raise CacheError(f"Compiled code cannot be kept ({reasons}): {HINT}.")
     return safe
-
-
-def _trouble(folder: Path) -> str:
-    """Return the reason why compiled code must not be kept in a folder, or an empty text if the folder is safe.
-
-    A missing folder is created.
-    """
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        status = folder.stat()
-    except OSError as error:
-        return error.strerror or str(error)
-    if status.st_uid not in (os.geteuid(), 0):
-        return f"it belongs to another user ({status.st_uid})"
-    return "other users can write to it" if status.st_mode & OTHERS_WRITE else ""
 
 
 def digest_of(parts: Iterable[str]) -> str:

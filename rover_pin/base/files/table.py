@@ -139,7 +139,16 @@ def read_table(path: Path) -> Table:
         raise DataError(
             f"{path}: this is a spreadsheet or an archive: save the sheet as CSV, or unpack it, and give that file."
         )
-    table = _text_table(path, raw) if raw or path.suffix not in (".parquet", ".pq") else _parquet_table(path)
+    if raw or path.suffix not in (".parquet", ".pq"):
+        table = _text_table(path, raw)
+    else:
+        packed = parquet_table(path)
+        try:
+            frame = packed.replace_schema_metadata(None).to_pandas()
+        except Exception as error:  # pyarrow raises errors of many kinds for values that no column of pandas can have
+            raise DataError(f"{path}: the file cannot be read as a table: {error}.") from error
+        columns = {str(name): frame[name].to_numpy() for name in frame}
+        table = Table(path, columns, tuple(f"row {row}" for row in range(packed.num_rows)))
     if not table.places:
         # A table whose every row was omitted reports the first of these rows rather than an empty file.
         table.refuse_faults()
@@ -147,17 +156,6 @@ def read_table(path: Path) -> Table:
             f"{path}: the file has no rows of data: write one line of column names, then one line for each row."
         )
     return table
-
-
-def _parquet_table(path: Path) -> Table:
-    """Return the table of a Parquet file."""
-    table = parquet_table(path)
-    try:
-        frame = table.replace_schema_metadata(None).to_pandas()
-    except Exception as error:  # pyarrow raises errors of many kinds for values that no column of pandas can have
-        raise DataError(f"{path}: the file cannot be read as a table: {error}.") from error
-    columns = {str(name): frame[name].to_numpy() for name in frame}
-    return Table(path, columns, tuple(f"row {row}" for row in range(table.num_rows)))
 
 
 def _text_table(path: Path, raw: bytes) -> Table:

@@ -103,11 +103,14 @@ def _score_layout(sample: list[str], filled_lines: list[int], delimiter: str, de
     # looks like names where its units are words.
     trailing_blank = not rows[first][-1]
     fit = [index for index in range(first) if len(fit_row(rows[index], width, trailing_blank)) == width]
-    names = [
-        index
-        for index in fit
-        if _are_names(rows[index], decimal) and not (index - 1 in fit and _are_units(rows[index]))
-    ]
+    names = []
+    for index in fit:
+        # In a row of names most cells are filled, and none is a plain number or a mark for a missing number.
+        filled = [cell for cell in rows[index] if cell]
+        has_numbers = any(match and not match[2] for match in map(NUMBERS[decimal].fullmatch, filled))
+        are_names = 2 * len(filled) > len(rows[index]) and not has_numbers and not MISSING & {*filled}
+        if are_names and not (index - 1 in fit and _are_units(rows[index])):
+            names.append(index)
     units = bool(names) and names[-1] + 1 in fit and _are_units(rows[names[-1] + 1])
     header = filled_lines[names[-1]] if names else -1
     # Many numeric cells in lines of equal length make a high score.
@@ -146,17 +149,6 @@ def fit_row(row: list[str], width: int, names: bool = False) -> list[str]:
     if len(row) == width + 1 and not row[-1]:
         return row[:-1]
     return [*row, ""] if names and len(row) == width - 1 else row
-
-
-def _are_names(row: list[str], decimal: str) -> bool:
-    """Return whether a row can hold column names: most cells are filled, and none is a plain number or a mark for a
-    missing number.
-    """
-    filled = [cell for cell in row if cell]
-    numbers = (NUMBERS[decimal].fullmatch(cell) for cell in filled)
-    return (
-        2 * len(filled) > len(row) and not any(match and not match[2] for match in numbers) and not MISSING & {*filled}
-    )
 
 
 def _are_units(row: list[str]) -> bool:

@@ -274,22 +274,19 @@ class _Rates:
         """Return the derivatives of the states' rates and of the outputs along a direction, by central differences. The
         direction has the components x for the states and u for the duties.
         """
-        forward, backward = (
-            self.at(self._displace(state, sign * DIFFERENCE * x), duty + sign * DIFFERENCE * u) for sign in (1.0, -1.0)
-        )
+        nv = self.pin_model.nv
+        points = []
+        for change in (DIFFERENCE, -DIFFERENCE):
+            # The configuration q is displaced on its manifold by Pinocchio, and the rest of the state by addition.
+            moved = state.copy()
+            displacement, speed, contact, motor = np.split(change * x, [nv, 2 * nv, 2 * nv + state.contact.size])
+            moved.q[:] = pin.integrate(self.pin_model, state.q, displacement)
+            moved.v += speed
+            moved.contact += contact.reshape(state.contact.shape)
+            moved.motor += motor.reshape(state.motor.shape)
+            points.append(self.at(moved, duty + change * u))
+        forward, backward = points
         return _Point(*((after - before) / (2.0 * DIFFERENCE) for after, before in zip(forward, backward, strict=True)))
-
-    def _displace(self, state: DriveState, x: np.ndarray) -> DriveState:
-        """Return a copy of a state that is displaced by the vector x. The configuration q is displaced on its manifold
-        by Pinocchio, and the other parts of the state by addition.
-        """
-        nv, moved = self.pin_model.nv, state.copy()
-        displacement, speed, contact, motor = np.split(x, [nv, 2 * nv, 2 * nv + state.contact.size])
-        moved.q[:] = pin.integrate(self.pin_model, state.q, displacement)
-        moved.v += speed
-        moved.contact += contact.reshape(state.contact.shape)
-        moved.motor += motor.reshape(state.motor.shape)
-        return moved
 
     def names(self) -> tuple[str, ...]:
         """Return the names of the states x: displacements, speeds, and the effects' states of each wheel."""

@@ -34,29 +34,6 @@ NUMBERS = ("omega_0", "period", "speed", "lookahead", "reach", "bend")
 curvature of the rover's arc [1/m]."""
 
 
-def _nearest(points: ca.SX, starts: ca.SX, x: Scalar, y: Scalar, done: Scalar, ahead: Scalar) -> Scalar:
-    """Return the arc length [m] of the point of a route that is nearest to the position (x, y).
-
-    The search covers the arc lengths from `done`, which the rover has reached before, to `done` + `ahead`. Without
-    these limits, the rover could continue on the wrong branch where a route crosses itself. `points` are the waypoints
-    (points, 2) and `starts` their arc lengths [m].
-    """
-    # The segments are compared one after another: CasADi has no search, so each comparison is a formula.
-    best, arc_length = ca.SX(EXCLUDED), done
-    for i in range(points.size1() - 1):
-        # The nearest point of each segment, limited to the part of the segment that lies within the search.
-        length = starts[i + 1] - starts[i]
-        dx, dy = (points[i + 1, 0] - points[i, 0]) / length, (points[i + 1, 1] - points[i, 1]) / length
-        along = (x - points[i, 0]) * dx + (y - points[i, 1]) * dy
-        low, high = ca.fmax(done - starts[i], 0.0), ca.fmin(done + ahead - starts[i], length)
-        along = ca.fmin(ca.fmax(along, low), high)
-        off = (points[i, 0] + along * dx - x) ** 2 + (points[i, 1] + along * dy - y) ** 2
-        # A segment that lies entirely outside the search is never the nearest one.
-        off = ca.if_else(low > high, EXCLUDED, off)
-        best, arc_length = ca.fmin(off, best), ca.if_else(off < best, starts[i] + along, arc_length)
-    return arc_length
-
-
 @lru_cache(maxsize=16)
 def _route_law(steering: tuple[bool, ...], count: int) -> ca.Function:
     """Return the CasADi function that steers a rover along a route of `count` waypoints, with the inputs and outputs of
@@ -72,8 +49,21 @@ def _route_law(steering: tuple[bool, ...], count: int) -> ca.Function:
     chosen, wheels, radii = ca.SX.sym("chosen", len(NUMBERS)), ca.SX.sym("wheels", 2, n), ca.SX.sym("radii", n)
     points, starts = ca.SX.sym("points", count, 2), ca.SX.sym("starts", count)
     omega_0, period, speed, lookahead, reach, bend = ca.vertsplit(chosen)
-    # The progress along the route is the nearest point of the route, and never decreases.
-    arc_length = _nearest(points, starts, place[1], place[2], memory[0], lookahead)
+    # The progress along the route is the arc length of the nearest point of the route, and never decreases. The search
+    # ends `lookahead` beyond the progress so far: otherwise, the rover could continue on the wrong branch where a route
+    # crosses itself. CasADi has no search, so the segments are compared one after another by formulas.
+    best, arc_length = ca.SX(EXCLUDED), memory[0]
+    for i in range(count - 1):
+        # The nearest point of each segment, limited to the part of the segment that lies within the search.
+        length = starts[i + 1] - starts[i]
+        dx, dy = (points[i + 1, 0] - points[i, 0]) / length, (points[i + 1, 1] - points[i, 1]) / length
+        along = (place[1] - points[i, 0]) * dx + (place[2] - points[i, 1]) * dy
+        low, high = ca.fmax(memory[0] - starts[i], 0.0), ca.fmin(memory[0] + lookahead - starts[i], length)
+        along = ca.fmin(ca.fmax(along, low), high)
+        off = (points[i, 0] + along * dx - place[1]) ** 2 + (points[i, 1] + along * dy - place[2]) ** 2
+        # A segment that lies entirely outside the search is never the nearest one.
+        off = ca.if_else(low > high, EXCLUDED, off)
+        best, arc_length = ca.fmin(off, best), ca.if_else(off < best, starts[i] + along, arc_length)
     remaining = starts[count - 1] - arc_length
     # The target lies `lookahead` further along the route; beyond the end, the last segment is extended.
     target = (points[0, 0], points[0, 1])

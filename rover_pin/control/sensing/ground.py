@@ -134,8 +134,19 @@ class _Body(NamedTuple):
             along = centres[side[max(place - 1, 0)]] - centres[side[min(place + 1, len(side) - 1)]]
             along -= ca.dot(along, left[i]) * left[i]
             forward.append(along / ca.norm_2(along))
-        # A wheel's centre moves relative to the base because the suspension turns.
-        moves = [self._wheel_motion(mount.joint, centre, rates) for mount, centre in zip(wheels, centres, strict=True)]
+        # A wheel's centre moves relative to the base because the suspension turns. `speed` is the velocity of the
+        # centre relative to the base [m/s], and `spin` the angular velocity of the wheel's mount [rad/s].
+        moves = []
+        for mount, centre in zip(wheels, centres, strict=True):
+            above = supporting_dofs(self.rover.model, mount.joint)
+            spin = self.turns[:, :2] @ rates[:2]
+            speed = ca.cross(spin, centre)
+            for k, dof in enumerate(self.dofs):
+                if dof in above:
+                    axis, point = self.axes[:, self._joint_index(dof)], self.points[:, self._joint_index(dof)]
+                    spin += axis * rates[2 + k]
+                    speed += ca.cross(axis, centre - point) * rates[2 + k]
+            moves.append((speed, spin))
         level = [ca.norm_2(along[:2]) for along in forward]
         return UnderWheels(
             ca.vertcat(*(along[2] / share for along, share in zip(forward, level, strict=True))),
@@ -146,23 +157,6 @@ class _Body(NamedTuple):
             ca.vertcat(*(ca.dot(spin, axle) for (_, spin), axle in zip(moves, left, strict=True))),
             ca.vertcat(*(centre[2] for centre in centres)),
         )
-
-    def _wheel_motion(self, joint: int, centre: ca.SX, rates: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return the velocity of a wheel's centre relative to the base [m/s], and the angular velocity of the wheel's
-        mount [rad/s].
-
-        `joint` is the joint of the wheel, `centre` its centre in world coordinates [m], and `rates` the rates of the
-        posture [rad/s].
-        """
-        above = supporting_dofs(self.rover.model, joint)
-        spin = self.turns[:, :2] @ rates[:2]
-        speed = ca.cross(spin, centre)
-        for k, dof in enumerate(self.dofs):
-            if dof in above:
-                axis, point = self.axes[:, self._joint_index(dof)], self.points[:, self._joint_index(dof)]
-                spin += axis * rates[2 + k]
-                speed += ca.cross(axis, centre - point) * rates[2 + k]
-        return speed, spin
 
     def _joint_index(self, dof: int) -> int:
         """Return the column of `axes` and `points` for the joint whose rate has the index `dof` in the velocity vector
