@@ -265,11 +265,20 @@ class _RecursivePass:
         inertia, bias = ca.SX(nv, nv), ca.SX(nv, 1)
         for i in range(len(self.joints), BASE, -1):
             bias[self.joints[i].v] = force[i][1][0]
-            self._inertia_column(inertia, i, composite[i])
+            # Column of joint i in the joint-space inertia: the forces on joint i and on all joints that carry it, for a
+            # unit acceleration of joint i about its axis x. They begin as the momentum of the composite body for a unit
+            # rate; the linear part is x cross `first`.
+            mass, first, second = composite[i]
+            column, carrier = self.joints[i].v, i
+            push, moment = ca.vertcat(0, -first[2], first[1]), second[:, 0]
+            while carrier != BASE:
+                inertia[self.joints[carrier].v, column] = moment[0]
+                push, moment = self._force_on_parent(carrier, push, moment)
+                carrier = self.joints[carrier].parent
+            inertia[:3, column], inertia[3:6, column] = push, moment
             parent = self.joints[i].parent
             force[parent] = _add(force[parent], self._force_on_parent(i, *force[i]))
             # The composite inertia in the parent's frame, by the theorem of parallel axes.
-            mass, first, second = composite[i]
             R, P, turned = self.R[i], _cross(self.p[i]), _cross(self.R[i] @ first)
             below = (mass, R @ first + mass * self.p[i], R @ second @ R.T - P @ turned - turned @ P - mass * P @ P)
             composite[parent] = _add(composite[parent], below)
@@ -323,21 +332,6 @@ class _RecursivePass:
         """Convert a force and a moment about the joint of body i to the parent's frame and joint, and return them."""
         below = self.R[i] @ force
         return below, self.R[i] @ moment + ca.cross(self.p[i], below)
-
-    def _inertia_column(self, inertia: ca.SX, i: int, composite: tuple[ca.SX, ...]) -> None:
-        """Write the column of joint i into the joint-space inertia. The column contains the forces on joint i and on
-        all joints that carry it, for a unit acceleration of joint i.
-        """
-        # Momentum of the composite body for a unit rate of joint i about its axis x: the linear part is x cross
-        # `first`.
-        _, first, second = composite
-        column = self.joints[i].v
-        force, moment = ca.vertcat(0, -first[2], first[1]), second[:, 0]
-        while i != BASE:
-            inertia[self.joints[i].v, column] = moment[0]
-            force, moment = self._force_on_parent(i, force, moment)
-            i = self.joints[i].parent
-        inertia[:3, column], inertia[3:6, column] = force, moment
 
 
 class _Numbers(NamedTuple):
