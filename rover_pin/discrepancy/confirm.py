@@ -85,7 +85,13 @@ def confirmed(beliefs: Beliefs, held_out_of: Callable[[Hypothesis], HeldOut]) ->
     # Rules 2 and 3: the kept causes must predict. The set that fails is left out, and the next one is tested.
     while decision.retained and (kept := deciding.best(decision.retained)).is_fitted:
         scores = held_out_of(kept).channels
-        loss, worse, removed = _sure_loss(beliefs, kept.names), worse_channels(scores), taken_share(scores)
+        worse, removed = worse_channels(scores), taken_share(scores)
+        # The loss is the decrease of the log predictive density of the held-out folds [nats]. It is 0 if the decrease
+        # does not exceed its scatter between folds (Student's t test, two-sided at 95 %).
+        gain, loss = held_out_gain(beliefs, kept.names), 0.0
+        if len(choices) > 1:
+            reach = student.ppf(0.5 + 0.5 * CONFIDENCE, len(choices) - 1) * gain.scatter
+            loss = -gain.total if gain.total + reach < 0.0 else 0.0
         if not loss and not worse:
             break
         reason = _reason_of_errors(beliefs, kept.names, loss, worse, removed)
@@ -129,17 +135,6 @@ def worse_channels(scores: Sequence[ChannelScore]) -> list[ChannelScore]:
         and is_better(score.before, score.floor, score.after)
     ]
     return [*lost, *sorted(grown, key=lambda score: -score.change)]
-
-
-def _sure_loss(beliefs: Beliefs, names: Sequence[str]) -> float:
-    """Return by how much the causes `names` lower the log predictive density of the held-out folds [nats]; 0 if they do
-    not lower it by more than its scatter between folds (Student's t test, two-sided at 95 %).
-    """
-    gain, folds = held_out_gain(beliefs, names), len(chosen_without(beliefs))
-    if folds < 2:
-        return 0.0
-    reach = student.ppf(0.5 + 0.5 * CONFIDENCE, folds - 1) * gain.scatter
-    return -gain.total if gain.total + reach < 0.0 else 0.0
 
 
 def _weaker(answer: Answer) -> Answer:

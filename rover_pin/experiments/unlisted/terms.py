@@ -137,7 +137,16 @@ class Term:
             by_run = (f"{_size(self, row[0])} in {run}" for run, row in zip(self.runs, curve.value, strict=True))
             return f"{action} that differs from run to run: {', '.join(by_run)}"
         if isinstance(basis, Wave):
-            return f"{action} {_describe_wave(self, basis, curve)}"
+            # A sine of the place or of the wheel's angle is shown by its amplitude, which has no sign, and its phase.
+            amplitude, phase = sine(self)
+            size = _size(self, float(np.mean(amplitude)), float(np.max(curve.sd))).lstrip("+")
+            if name == "periodic place":
+                return f"{action} that varies with the place, wavelength {basis.length:.2f} m: amplitude {size}"
+            twice = "twice " if basis.length < 2 * math.pi - 1e-9 else ""
+            first = f"{action} that depends on {twice}the angle of the wheel"
+            if self.argument.per_run:
+                return f"{first}: amplitude {size}, its phase differs from run to run"
+            return f"{first} since the start of the run: amplitude {size}, phase {math.degrees(phase[0]):.0f} deg"
         if isinstance(basis, Hats):
             # A piecewise linear function of place or time is shown by the intervals where it clearly differs from its
             # median. Intervals of all runs compete for the few that are listed.
@@ -185,22 +194,6 @@ def sine(term: Term) -> tuple[np.ndarray, np.ndarray]:
     # A sin(x + p) = A cos p sin x + A sin p cos x, and `size` holds the two factors.
     pairs = term.size.reshape(-1, 2)
     return np.hypot(*pairs.T), np.arctan2(pairs[:, 1], pairs[:, 0])
-
-
-def _describe_wave(term: Term, basis: Wave, curve: Curve) -> str:
-    """Return a text on a term whose function is a sine of the place or of the wheel's angle, stating its amplitude and
-    phase.
-    """
-    amplitude, phase = sine(term)
-    # An amplitude has no sign.
-    size = _size(term, float(np.mean(amplitude)), float(np.max(curve.sd))).lstrip("+")
-    if term.argument.name == "periodic place":
-        return f"that varies with the place, wavelength {basis.length:.2f} m: amplitude {size}"
-    twice = "twice " if basis.length < 2 * math.pi - 1e-9 else ""
-    first = f"that depends on {twice}the angle of the wheel"
-    if term.argument.per_run:
-        return f"{first}: amplitude {size}, its phase differs from run to run"
-    return f"{first} since the start of the run: amplitude {size}, phase {math.degrees(phase[0]):.0f} deg"
 
 
 class Stretch(NamedTuple):
