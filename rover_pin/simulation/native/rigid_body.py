@@ -92,7 +92,25 @@ def tree_of(model: pin.Model) -> Tree:
     """
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
-    _refuse_unknown_joints(model, data)
+    # The recursion knows a base that moves freely from the world's origin, and revolute joints.
+    remedy = (
+        "The engines of Pinocchio drive such a rover from a DriveState: simulate(model, controller, duration, state, "
+        'engine="pinocchio-crba") or engine="pinocchio-aba".'
+    )
+    base = model.joints[BASE]
+    if (base.nq, base.nv) != (7, 6) or not model.jointPlacements[BASE].isIdentity():
+        raise ParameterError(
+            f"The base '{model.names[BASE]}' is a {base.shortname()}, but the engine \"compiled\" only knows a base "
+            f"that moves freely from the world's origin. {remedy}"
+        )
+    for i in range(BASE + 1, model.njoints):
+        joint = model.joints[i]
+        # A revolute joint has one degree of freedom, and its unit velocity moves no point of its axis.
+        if joint.nv != 1 or pin.getJointJacobian(model, data, i, pin.LOCAL)[:3, joint.idx_v].any():
+            raise ParameterError(
+                f"Joint '{model.names[i]}' is a {joint.shortname()}, but the engine \"compiled\" only knows revolute "
+                f"joints. {remedy}"
+            )
     # For each joint, a rotation matrix (3, 3) that turns the x axis to the joint's axis. If the numbers of the axis are
     # 0, 1 and -1 only, so are those of the matrix, which keeps the generated code short.
     turns = [np.eye(3)] * 2
@@ -119,30 +137,6 @@ def tree_of(model: pin.Model) -> Tree:
         joints.append(Joint(parent, joint.idx_q, joint.idx_v, joint.nq == 2, revolves, tuple(special)))
         parameters += [number for number, kind in zip(numbers, special, strict=True) if kind is None]
     return Tree(tuple(joints), np.array(parameters))
-
-
-def _refuse_unknown_joints(model: pin.Model, data: pin.Data) -> None:
-    """Raise a ParameterError if the recursion does not know the base or a joint of a model. It knows a base that moves
-    freely from the world's origin, and revolute joints. `data` holds the joint Jacobians.
-    """
-    remedy = (
-        "The engines of Pinocchio drive such a rover from a DriveState: simulate(model, controller, duration, state, "
-        'engine="pinocchio-crba") or engine="pinocchio-aba".'
-    )
-    base = model.joints[BASE]
-    if (base.nq, base.nv) != (7, 6) or not model.jointPlacements[BASE].isIdentity():
-        raise ParameterError(
-            f"The base '{model.names[BASE]}' is a {base.shortname()}, but the engine \"compiled\" only knows a base "
-            f"that moves freely from the world's origin. {remedy}"
-        )
-    for i in range(BASE + 1, model.njoints):
-        joint = model.joints[i]
-        # A revolute joint has one degree of freedom, and its unit velocity moves no point of its axis.
-        if joint.nv != 1 or pin.getJointJacobian(model, data, i, pin.LOCAL)[:3, joint.idx_v].any():
-            raise ParameterError(
-                f"Joint '{model.names[i]}' is a {joint.shortname()}, but the engine \"compiled\" only knows revolute "
-                f"joints. {remedy}"
-            )
 
 
 def _axis(model: pin.Model, data: pin.Data, i: int) -> np.ndarray:
