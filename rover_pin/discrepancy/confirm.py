@@ -62,13 +62,20 @@ def confirmed(beliefs: Beliefs, held_out_of: Callable[[Hypothesis], HeldOut]) ->
     """
     evidence = decision = decide(beliefs)
     deciding, reasons, basis = beliefs, [], ""
-    # Rule 1: a name must not depend on a few folds.
-    stands_alone = decision.answer in (Answer.NAMED, Answer.LIKE)
-    dropping = _dropping_choices(beliefs, decision.retained) if stands_alone else []
-    most_drop = len(dropping) > MAJORITY * len(chosen_without(beliefs))
+    # Rule 1: a name must not depend on a few folds. `dropping` has the choice of each fold that drops the causes: the
+    # set that is most probable without this fold, if it does not contain all of them.
+    stands_alone, choices = decision.answer in (Answer.NAMED, Answer.LIKE), chosen_without(beliefs)
+    dropping = [chosen for chosen in choices if stands_alone and not set(decision.retained) <= chosen]
+    most_drop = len(dropping) > MAJORITY * len(choices)
     is_far = bool(dropping) and declared_fit(beliefs.best(decision.retained)).misfit > MAX_CHI_SQUARE
     if most_drop or is_far:
-        reasons.append(_reason_of_folds(beliefs, decision.retained, dropping))
+        sets = [" + ".join(sorted(chosen)) or "nothing" for chosen in dropping]
+        others = [f"{names} in {sets.count(names)}" for names in dict.fromkeys(sets)]
+        reasons.append(
+            f"With all data, {' + '.join(decision.retained)} is most probable, but another set is most probable "
+            f"without {len(sets)} of the {len(choices)} folds, each left out alone ({', '.join(others)}); the stated "
+            "probabilities are averages over the folds."
+        )
         deciding, basis = across_folds(beliefs), "on average over the folds"
         # LIKE already states that the law leaves a discrepancy; a few folds change its probability only.
         if most_drop or decision.answer is Answer.NAMED:
@@ -78,7 +85,13 @@ def confirmed(beliefs: Beliefs, held_out_of: Callable[[Hypothesis], HeldOut]) ->
     # Rules 2 and 3: the kept causes must predict. The set that fails is left out, and the next one is tested.
     while decision.retained and (kept := deciding.best(decision.retained)).is_fitted:
         scores = held_out_of(kept).channels
-        loss, worse, removed = _sure_loss(beliefs, kept.names), worse_channels(scores), taken_share(scores)
+        worse, removed = worse_channels(scores), taken_share(scores)
+        # The loss is the decrease of the log predictive density of the held-out folds [nats]. It is 0 if the decrease
+        # does not exceed its scatter between folds (Student's t test, two-sided at 95 %).
+        gain, loss = held_out_gain(beliefs, kept.names), 0.0
+        if len(choices) > 1:
+            reach = student.ppf(0.5 + 0.5 * CONFIDENCE, len(choices) - 1) * gain.scatter
+            loss = -gain.total if gain.total + reach < 0.0 else 0.0
         if not loss and not worse:
             break
         reason = _reason_of_errors(beliefs, kept.names, loss, worse, removed)
@@ -124,38 +137,9 @@ def worse_channels(scores: Sequence[ChannelScore]) -> list[ChannelScore]:
     return [*lost, *sorted(grown, key=lambda score: -score.change)]
 
 
-def _dropping_choices(beliefs: Beliefs, names: Sequence[str]) -> list[frozenset[str]]:
-    """Return the choice of each fold that drops the causes `names`: the set that is most probable without this fold, if
-    it does not contain all of them.
-    """
-    return [chosen for chosen in chosen_without(beliefs) if not set(names) <= chosen]
-
-
-def _sure_loss(beliefs: Beliefs, names: Sequence[str]) -> float:
-    """Return by how much the causes `names` lower the log predictive density of the held-out folds [nats]; 0 if they do
-    not lower it by more than its scatter between folds (Student's t test, two-sided at 95 %).
-    """
-    gain, folds = held_out_gain(beliefs, names), len(chosen_without(beliefs))
-    if folds < 2:
-        return 0.0
-    reach = student.ppf(0.5 + 0.5 * CONFIDENCE, folds - 1) * gain.scatter
-    return -gain.total if gain.total + reach < 0.0 else 0.0
-
-
 def _weaker(answer: Answer) -> Answer:
     """Return the answer that remains of an answer of the evidence if held-out data contradict the evidence."""
     return {Answer.NAMED: Answer.LIKE, Answer.NONE_NEEDED: Answer.NONE_FITS}.get(answer, answer)
-
-
-def _reason_of_folds(beliefs: Beliefs, names: Sequence[str], dropping: Sequence[frozenset[str]]) -> str:
-    """Return the sentence that states how many folds drop the causes `names`, and what they choose (`dropping`)."""
-    choices = [" + ".join(sorted(chosen)) or "nothing" for chosen in dropping]
-    others = [f"{choice} in {choices.count(choice)}" for choice in dict.fromkeys(choices)]
-    return (
-        f"With all data, {' + '.join(names)} is most probable, but another set is most probable without {len(choices)} "
-        f"of the {len(chosen_without(beliefs))} folds, each left out alone ({', '.join(others)}); the stated "
-        "probabilities are averages over the folds."
-    )
 
 
 def _reason_of_errors(

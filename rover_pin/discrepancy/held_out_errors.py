@@ -158,7 +158,20 @@ def held_out(before: Fit, after: Fit, noise: Noise, seed: int) -> HeldOut:
     pair = (first, first if after is before else held_out_residual(after))
     random = np.random.default_rng(seed)
     experiment = after.task.experiment
-    return HeldOut(_channel_scores(experiment, noise, pair, random), _run_scores(experiment, noise, pair, random))
+    channel_scores = _channel_scores(experiment, noise, pair, random)
+    # The error of a fold adds the losses of whitened residuals, so that all channels of the fold can be added.
+    losses = np.zeros((2, *noise.good.shape))
+    for side, residual in enumerate(pair):
+        losses[side][noise.good] = huber_losses(noise.white(residual))
+    run_scores = []
+    for fold, run in enumerate(experiment.folds):
+        count = max(int(noise.good[fold].sum()), 1)
+        sums = losses[:, fold].sum(axis=1)
+        # Power 1: the error of a run is a chi2 already, not an RMS.
+        low, high, _ = _change_interval(_stretch_sums(sums), 1.0, random)
+        was, now = (float(total) / count for total in sums.sum(axis=1))
+        run_scores.append(RunScore(run, count, was, now, low, high))
+    return HeldOut(channel_scores, tuple(run_scores))
 
 
 def _channel_scores(
@@ -195,29 +208,6 @@ def _channel_scores(
         scores.append(
             ChannelScore(name, unit, float(floor[row]), was, now, *interval, levels, resampled, lost, joint_low)
         )
-    return tuple(scores)
-
-
-def _run_scores(
-    experiment: Experiment, noise: Noise, pair: tuple[np.ndarray, np.ndarray], random: np.random.Generator
-) -> tuple[RunScore, ...]:
-    """Return the held-out error of each fold, for all channels together.
-
-    `pair` holds the held-out residuals (folds, channels, samples) before and after causes were added to the model, and
-    `random` draws the bootstrap samples.
-    """
-    losses = np.zeros((2, *noise.good.shape))
-    for side, residual in enumerate(pair):
-        # Losses of whitened residuals, so that all channels of a fold can be added.
-        losses[side][noise.good] = huber_losses(noise.white(residual))
-    scores = []
-    for fold, run in enumerate(experiment.folds):
-        count = max(int(noise.good[fold].sum()), 1)
-        sums = losses[:, fold].sum(axis=1)
-        # Power 1: the error of a run is a chi2 already, not an RMS.
-        low, high, _ = _change_interval(_stretch_sums(sums), 1.0, random)
-        was, now = (float(total) / count for total in sums.sum(axis=1))
-        scores.append(RunScore(run, count, was, now, low, high))
     return tuple(scores)
 
 

@@ -273,12 +273,30 @@ class Search:
         """
         self.progress("estimating the evidence of each candidate and of pairs")
         self.options = {option.candidate.name: option for option in options(self.base, rows)}
-        # If fitted parameters of the base model lie far outside their priors, they may imitate a missing effect. The
-        # candidates are then also estimated and fitted with the declared parameter values.
-        start, there = self._at_declared(rows) if is_bent(self.base) else (self.base, [])
+        # If fitted parameters of the base model lie far outside their priors, they may imitate the missing effect, so
+        # that the right candidate improves nothing at the fitted values. At the declared values the whole effect is
+        # visible, so the candidates are then also estimated there, each at its best place for these values.
+        declared, at_declared = self.base, list[Option]()
+        if is_bent(self.base):
+            self.progress("numbers left their priors: estimating every candidate at the declared numbers too")
+            declared = as_declared(self.base)
+            candidates = list(dict.fromkeys(row.candidate for row in rows))
+            at_declared = options(declared, signatures(declared, candidates), is_optimum=False)
+            listed = {option.candidate.anywhere for option in self.options.values()}
+            new = [option for option in at_declared if option.candidate.anywhere not in listed]
+            self.options |= {option.candidate.name: option for option in new}
         self._note((), self.base)
-        if there:
-            self._from_declared(start, there)
+        # The most promising causes are fitted from the declared values and, if they were estimated, from the fitted
+        # ones; the better end is kept.
+        estimates = alone(declared, at_declared, is_optimum=False) if at_declared else []
+        for row in sorted(estimates, key=lambda row: -row.log_evidence)[:FITS_FROM_DECLARED]:
+            names = frozenset(row.names)
+            if row.names[0] not in self.options:
+                continue
+            starts = [row, *([self.estimates[names]] if names in self.estimates else [])]
+            ends = [fitted for fitted in (fitted_with(estimate, self.options, True) for estimate in starts) if fitted]
+            if ends:
+                self._note(*min(ends, key=lambda ending: ending[1].chi2))
         # Each step changes the probabilities, so the cheapest useful step is chosen again after every fit.
         while self._end_promising() or self._fit_worthiest() or self._end_likely():
             pass
@@ -291,14 +309,34 @@ class Search:
         If the set is a pair of causes whose score was estimated from the fit of the base model, the more promising
         cause is fitted alone first. This cause may suffice, and its fit gives a better estimate of the pair.
         """
+        # Large residuals count less than squared (Huber's loss), so an estimate from a fit with large residuals is too
+        # low. `rises` has, for each expansion around a fit, the largest excess [nats] of the log evidence of another
+        # fit over its estimate from this expansion. The excess is added to the further estimates from this expansion.
+        rises: dict[int, float] = {}
+        margin = 0.0
+        # With few fits there is time for doubtful sets: the margin is wide, and estimates that were too low are raised.
+        # After MAX_FITS fits, the estimated score must be higher than the best score.
+        if len(self.fitted) <= MAX_FITS:
+            margin = FIT_MARGIN
+            for fitted_names in self.fitted.keys() & self.estimates.keys():
+                estimate = self.estimates[fitted_names]
+                rise, key = self.fitted[fitted_names][0].log_evidence - estimate.log_evidence, id(estimate.expansion)
+                rises[key] = max(rises.get(key, 0.0), rise if rise > FIT_MARGIN else 0.0)
+        tried = {
+            frozenset(estimate.names): self.score(estimate) + rises.get(id(estimate.expansion), 0.0)
+            for estimate in self._open()
+            # A set is tried only if the added causes raise the evidence of the fit from which the set was estimated.
+            if estimate.log_evidence > self.fitted[frozenset(estimate.names) - set(estimate.added)][0].log_evidence
+        }
+        names = max(tried, key=lambda names: tried[names], default=frozenset[str]())
+        if not names or tried[names] <= self.best_score() - margin:
+            return False
         # A pair is not fitted before its more promising cause was fitted alone.
-        names = self._worthiest()
-        if names:
-            added = self.estimates[names].added
-            alone = [frozenset((name,)) for name in added] if len(added) > 1 else []
-            missing = [part for part in alone if part not in self.fitted and part not in self.lost]
-            self.fit(max(missing, key=lambda part: self.score(self.estimates[part]), default=names))
-        return bool(names)
+        added = self.estimates[names].added
+        alone = [frozenset((name,)) for name in added] if len(added) > 1 else []
+        missing = [part for part in alone if part not in self.fitted and part not in self.lost]
+        self.fit(max(missing, key=lambda part: self.score(self.estimates[part]), default=names))
+        return True
 
     def _end_promising(self) -> bool:
         """Complete each unfinished fit that may still exceed the best score by more than FIT_MARGIN, and return whether
@@ -349,38 +387,6 @@ class Search:
     def best_score(self) -> float:
         """Return the largest score of all fitted sets [nats]."""
         return max(self.score(rows[0]) for rows in self.fitted.values())
-
-    def _worthiest(self) -> Names:
-        """Return the names of the most promising set of causes that is not fitted; empty if no estimated score comes
-        near the best score.
-
-        After MAX_FITS fits, the estimated score must be higher than the best score.
-        """
-        # With few fits there is time for doubtful sets: the margin is wide, and estimates that were too low are raised.
-        rises, margin = (self._rises(), FIT_MARGIN) if len(self.fitted) <= MAX_FITS else ({}, 0.0)
-        tried = {
-            frozenset(estimate.names): self.score(estimate) + rises.get(id(estimate.expansion), 0.0)
-            for estimate in self._open()
-            # A set is tried only if the added causes raise the evidence of the fit from which the set was estimated.
-            if estimate.log_evidence > self.fitted[frozenset(estimate.names) - set(estimate.added)][0].log_evidence
-        }
-        best = max(tried, key=lambda names: tried[names], default=frozenset[str]())
-        return best if best and tried[best] > self.best_score() - margin else frozenset()
-
-    def _rises(self) -> dict[int, float]:
-        """Return the deficit of estimates from an expansion [nats], by the `id` of the expansion.
-
-        This is the largest excess of the log evidence of a fit over its estimate from the expansion. The amounts
-        correct further estimates from this expansion. Amounts below FIT_MARGIN count as 0. They arise because large
-        residuals count less than squared (Huber's loss), so that estimates around a fit with large residuals are too
-        low.
-        """
-        rises: dict[int, float] = {}
-        for names in self.fitted.keys() & self.estimates.keys():
-            estimate, expansion = self.estimates[names], id(self.estimates[names].expansion)
-            rise = self.fitted[names][0].log_evidence - estimate.log_evidence
-            rises[expansion] = max(rises.get(expansion, 0.0), rise if rise > FIT_MARGIN else 0.0)
-        return rises
 
     def _note(self, causes: Sequence[Cause], fitted: Fit) -> None:
         """Store the fit of a set of causes, and estimate from it the evidence of every set with one more cause.
@@ -447,40 +453,6 @@ class Search:
             (name,) = estimate.added
             fall = max(estimate.log_evidence - self.fitted[names][0].log_evidence, 0.0)
             self.shortfalls[name] = min(self.shortfalls.get(name, fall), fall)
-
-    def _at_declared(self, rows: Sequence[Signature]) -> tuple[Fit, list[Option]]:
-        """Return the base model with its declared parameter values as a `Fit`, and the candidates at their best places
-        for these values.
-
-        Fitted parameters far outside their priors may imitate the missing effect, so that the right candidate improves
-        nothing at the fitted values. At the declared values the whole effect is visible. Candidates that the search
-        does not have yet are added to its `options`.
-        """
-        self.progress("numbers left their priors: estimating every candidate at the declared numbers too")
-        start = as_declared(self.base)
-        candidates = list(dict.fromkeys(row.candidate for row in rows))
-        there = options(start, signatures(start, candidates), is_optimum=False)
-        listed = {option.candidate.anywhere for option in self.options.values()}
-        self.options |= {option.candidate.name: option for option in there if option.candidate.anywhere not in listed}
-        return start, there
-
-    def _from_declared(self, start: Fit, there: Sequence[Option]) -> None:
-        """Fit the most promising causes, starting from the declared parameter values of the base model.
-
-        `start` is the base model with its declared values, and `there` are the candidates at their best places for
-        these values.
-        """
-        # Each cause is fitted from the declared values and, if it was estimated, from the fitted ones; the better end
-        # is kept.
-        rows = alone(start, there, is_optimum=False)
-        for row in sorted(rows, key=lambda row: -row.log_evidence)[:FITS_FROM_DECLARED]:
-            names = frozenset(row.names)
-            if row.names[0] not in self.options:
-                continue
-            starts = [row, *([self.estimates[names]] if names in self.estimates else [])]
-            ends = [fitted for fitted in (fitted_with(estimate, self.options, True) for estimate in starts) if fitted]
-            if ends:
-                self._note(*min(ends, key=lambda ending: ending[1].chi2))
 
     def _end(self, names: Names) -> None:
         """Complete the fit of the set of causes with these names: compute all derivatives of the prediction again, and

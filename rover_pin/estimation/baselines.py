@@ -156,34 +156,30 @@ def curves(observed: np.ndarray, inputs: np.ndarray, channels: Sequence[tuple[st
     """
     baselines = []
     for at, (name, unit) in enumerate(channels):
-        good = np.isfinite(observed[:, at])
+        values = observed[:, at]
+        good = np.isfinite(values)
+        # Each input is divided by its range, so that one kernel length and one set of bounds fit inputs in any unit.
+        scale = np.maximum(np.ptp(inputs[good], axis=0), 1e-12)
         for curve, predict in CURVES.items():
-            errors = [_fold_error(observed[:, at], inputs, good, fold, predict) for fold in range(len(observed))]
+            errors = []
+            for fold in range(len(observed)):
+                training_mask = good.copy()
+                training_mask[fold] = False
+                training = inputs[training_mask] / scale, values[training_mask]
+                predicted_at = inputs[fold][good[fold]] / scale
+                try:
+                    # NumPy warns of overflow in kernels with extreme length scales; such a curve is merely bad, not an
+                    # error.
+                    with warnings.catch_warnings():
+                        warnings.simplefilter("ignore", RuntimeWarning)
+                        prediction = predict(*training, predicted_at)
+                except np.linalg.LinAlgError:
+                    # A singular curve (for example a quadratic through too few points) is replaced by the mean of the
+                    # other folds, the simplest curve.
+                    prediction = mean(*training, predicted_at)
+                errors.append(np.asarray(values[fold][good[fold]] - prediction))
             by_fold = tuple(float(np.sqrt(np.mean(row**2))) if row.size else math.nan for row in errors)
             # The RMSE of the channel weights each sample equally, not each fold.
             whole = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
             baselines.append(Baseline(name, unit, curve, whole, by_fold=by_fold))
     return tuple(baselines)
-
-
-def _fold_error(values: np.ndarray, inputs: np.ndarray, good: np.ndarray, fold: int, predict: Predict) -> np.ndarray:
-    """Return the residuals of the fold with index `fold` in one channel, predicted by a curve through all other folds.
-
-    `values` (folds, samples) are the measured values of the channel, `good` (folds, samples) marks those that are
-    compared, and `predict` is one of CURVES. If the equations of the curve are singular, the mean of the other folds
-    predicts instead.
-    """
-    training_mask = good.copy()
-    training_mask[fold] = False
-    fold_mask = good[fold]
-    # Each input is divided by its range, so that one kernel length and one set of bounds fit inputs in any unit.
-    scale = np.maximum(np.ptp(inputs[good], axis=0), 1e-12)
-    try:
-        # NumPy warns of overflow in kernels with extreme length scales; such a curve is merely bad, not an error.
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)
-            prediction = predict(inputs[training_mask] / scale, values[training_mask], inputs[fold][fold_mask] / scale)
-    except np.linalg.LinAlgError:
-        # A singular curve (for example a quadratic through too few points) is replaced by the mean, the simplest curve.
-        prediction = mean(inputs[training_mask], values[training_mask], inputs[fold][fold_mask])
-    return np.asarray(values[fold][fold_mask] - prediction)

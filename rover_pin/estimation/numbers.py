@@ -123,32 +123,23 @@ def profiles(fitted: Fit, names: tuple[str, ...]) -> tuple[Profile, ...]:
         reach = np.clip([fitted.u[at] + share * half for share in PROFILE_POINTS], *parameter.bounds)
         points = {float(fitted.u[at]): 0.0}
         # Points beyond a bound are clipped onto it and coincide; each point is refitted once.
+        others = tuple(free_parameter for i, free_parameter in enumerate(fitted.parameters) if i != at)
         for u in dict.fromkeys(map(float, reach)):
-            if u not in points:
-                points[u] = _rise(fitted, at, u, spread[:, at] / spread[at, at])
+            if u in points:
+                continue
+            # The refit starts where the linear model expects the minimum of the other parameters.
+            start = np.delete(fitted.u + spread[:, at] / spread[at, at] * (u - fitted.u[at]), at)
+            fixed_model = fitted.task.experiment.with_values(fitted.model, {name: parameter.value(u)})
+            try:
+                refitted = fit(fitted.task, fixed_model, others, start, fitted.slopes, reuse=True)
+            except OptimisationError:
+                points[u] = math.nan
+                continue
+            # The held parameter is no longer part of the refit, so that its own prior is added here.
+            prior = u**2 if parameter.prior else 0.0
+            inflation = fitted.task.noise.inflation * max(fitted.misfit, 1.0)
+            points[u] = (refitted.chi2 + prior - fitted.chi2) / inflation
         us = sorted(points)
         unit = unit_of(fitted.model, name).unit
         found.append(Profile(name, unit, tuple(parameter.value(u) for u in us), tuple(points[u] for u in us)))
     return tuple(found)
-
-
-def _rise(fitted: Fit, at: int, u: float, direction: np.ndarray) -> float:
-    """Return the rise of chi2 above its minimum when one parameter is held at the value `u` and all others are fitted
-    again.
-
-    `at` is the index of the held parameter. `direction` (parameters,) is the change of all parameters per unit change
-    of the held parameter in the linear model. The refit starts from it. The result is divided by the noise's inflation
-    and by a misfit above 1; it is NaN if the refit does not converge.
-    """
-    parameter = fitted.parameters[at]
-    # The refit starts where the linear model expects the minimum of the other parameters.
-    start = np.delete(fitted.u + direction * (u - fitted.u[at]), at)
-    others = tuple(free_parameter for i, free_parameter in enumerate(fitted.parameters) if i != at)
-    fixed_model = fitted.task.experiment.with_values(fitted.model, {parameter.name: parameter.value(u)})
-    try:
-        refitted = fit(fitted.task, fixed_model, others, start, fitted.slopes, reuse=True)
-    except OptimisationError:
-        return math.nan
-    # The held parameter is no longer part of the refit, so that its own prior is added here.
-    prior = u**2 if parameter.prior else 0.0
-    return (refitted.chi2 + prior - fitted.chi2) / (fitted.task.noise.inflation * max(fitted.misfit, 1.0))

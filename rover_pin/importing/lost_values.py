@@ -88,7 +88,34 @@ def drop_lost_values(path: Path, table: pd.DataFrame, dates: Sequence[str]) -> t
     findings += _codes(table, words, pairs)
     cleaned = _without(table, findings)
     # Codes are removed first: a code between two frozen stretches would look like the jump that ends one.
-    frozen = [item for x, y in pairs for item in _frozen(cleaned, x, y)]
+    # A frozen position repeats one value, then jumps to the rover's present position.
+    frozen: list[Lost] = []
+    for x, y in pairs:
+        # Both coordinates are one complex number, so that a step is zero only if neither changes.
+        place = cleaned[x].to_numpy(dtype=float) + 1j * cleaned[y].to_numpy(dtype=float)
+        known = np.flatnonzero(np.isfinite(place))
+        if known.size < 4 * MIN_FROZEN:
+            continue
+        steps = np.abs(np.diff(place[known]))
+        usual = float(np.median(steps))
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], steps == 0.0, [False]]).astype(int))).reshape(-1, 2)
+        lengths = np.diff(edges, axis=1).ravel() + 1
+        if not lengths.size:
+            continue
+        # Stretches of a single row count too. They are the usual case if the position changes from row to row.
+        single = int(np.sum(steps > 0.0)) + 1 - len(lengths)
+        typical = float(np.median(np.concatenate([np.ones(max(single, 0)), lengths])))
+        min_length = max(MIN_FROZEN, FROZEN_RATIO * (typical if typical > 1.0 else 0.5))
+        is_frozen = np.zeros(len(place), dtype=bool)
+        for (begin, end), length in zip(edges, lengths, strict=True):
+            # A rover that really stood still goes on from its position by a usual step. After a frozen position, the
+            # next step covers the whole distance driven meanwhile.
+            exit_jump = steps[end] if end < len(steps) else 0.0
+            moved_on = exit_jump > 0.5 * (length - 1) * usual and exit_jump > 3.0 * usual
+            if length >= min_length and usual > 0.0 and moved_on:
+                is_frozen[known[begin + 1 : end + 1]] = True
+        if is_frozen.any():
+            frozen.append(Lost((x, y), is_frozen, "frozen at an earlier value"))
     cleaned = _without(cleaned, frozen)
     for item in (*findings, *frozen):
         if item.columns[0] in {name for pair in pairs for name in pair} and item.rows.mean() > MAX_LOST_SHARE:
@@ -208,31 +235,3 @@ def _is_far_from_neighbours(values: np.ndarray, rows: np.ndarray) -> bool:
     after = np.searchsorted(known, at)
     sides = [values[known[np.clip(side, 0, known.size - 1)]] for side in (after - 1, after)]
     return bool(usual > 0.0 and all(np.all(np.abs(side - values[at]) > MIN_JUMP * usual) for side in sides))
-
-
-def _frozen(table: pd.DataFrame, x: str, y: str) -> Iterator[Lost]:
-    """Yield the rows of a frozen position: it repeats one value, then jumps to the rover's present position."""
-    # Both coordinates are one complex number, so that a step is zero only if neither changes.
-    place = table[x].to_numpy(dtype=float) + 1j * table[y].to_numpy(dtype=float)
-    known = np.flatnonzero(np.isfinite(place))
-    if known.size < 4 * MIN_FROZEN:
-        return
-    steps = np.abs(np.diff(place[known]))
-    usual = float(np.median(steps))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], steps == 0.0, [False]]).astype(int))).reshape(-1, 2)
-    lengths = np.diff(edges, axis=1).ravel() + 1
-    if not lengths.size:
-        return
-    # Stretches of a single row count too. They are the usual case if the position changes from row to row.
-    single = int(np.sum(steps > 0.0)) + 1 - len(lengths)
-    typical = float(np.median(np.concatenate([np.ones(max(single, 0)), lengths])))
-    rows = np.zeros(len(place), dtype=bool)
-    for (begin, end), length in zip(edges, lengths, strict=True):
-        # A rover that really stood still goes on from its position by a usual step. After a frozen position, the next
-        # step covers the whole distance driven meanwhile.
-        exit_jump = steps[end] if end < len(steps) else 0.0
-        moved_on = exit_jump > 0.5 * (length - 1) * usual and exit_jump > 3.0 * usual
-        if length >= max(MIN_FROZEN, FROZEN_RATIO * (typical if typical > 1.0 else 0.5)) and usual > 0.0 and moved_on:
-            rows[known[begin + 1 : end + 1]] = True
-    if rows.any():
-        yield Lost((x, y), rows, "frozen at an earlier value")

@@ -388,7 +388,16 @@ def inertial_units(
         The recordings, and the channels of the motion in each of them.
     """
     for kind, (names, units) in KINDS.items():
-        axes = _axes(words, names)
+        # The first column of each axis x, y, z. The axis is the last letter of a word: either of the sensor's word
+        # ("gyrox"), or of a word next to it ("gyro x").
+        axes: dict[str, Word] = {}
+        for word in words:
+            tokens = set(word.tokens)
+            ends = {token[:-1]: token[-1] for token in word.tokens if token[-1] in "xyz"}
+            marks = tokens | ({"gyro"} if {"imu", "angular"} <= tokens else set())
+            letter = next((end for start, end in ends.items() if start in names or (not start and marks & names)), "")
+            if letter and not tokens & (COMMAND | ODOMETRY | {"cov", "covariance"}):
+                axes.setdefault(letter, word)
         if "z" not in axes:
             continue
         unit_of_name = axes["z"].unit if axes["z"].unit in units else ""
@@ -422,23 +431,6 @@ def _entry(word: Word, unit: str, sign: float) -> Entry:
     scale = sign * (STANDARD_GRAVITY if unit == "g" else 1.0)
     entry = column(word._replace(unit="" if unit == "g" else unit))
     return entry if scale == 1.0 else {**entry, "scale": scale}
-
-
-def _axes(words: Sequence[Word], names: set[str]) -> dict[str, Word]:
-    """Return the first column of each axis x, y, z of an inertial sensor. `names` are the words that mark the sensor's
-    columns.
-    """
-    axes: dict[str, Word] = {}
-    for word in words:
-        tokens = set(word.tokens)
-        # The axis is the last letter of a word: either of the sensor's word ("gyrox"), or of a word next to it ("gyro
-        # x").
-        ends = {token[:-1]: token[-1] for token in word.tokens if token[-1] in "xyz"}
-        marks = tokens | ({"gyro"} if {"imu", "angular"} <= tokens else set())
-        axis = next((end for start, end in ends.items() if start in names or (not start and marks & names)), "")
-        if axis and not tokens & (COMMAND | ODOMETRY | {"cov", "covariance"}):
-            axes.setdefault(axis, word)
-    return axes
 
 
 def _turn_evidence(

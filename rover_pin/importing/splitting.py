@@ -139,7 +139,21 @@ def choose_parts(candidates: list[tuple[DriveSignals, Part]], most: int) -> list
     if len(candidates) <= most:
         return list(range(len(candidates)))
     drives = {id(drive): drive for drive, _ in candidates}
-    signals = {key: _block_signals(drive) for key, drive in drives.items()}
+    # Averages of slip, slip^2, sin pitch, turn rate and wheel rate over each block of a drive (blocks, 5). The slip is
+    # NaN in a block with wheels at rest or with an unknown position.
+    signals = {}
+    for key, drive in drives.items():
+        at, means = _blocks(drive), []
+        for values in (drive.rim, drive.speed, drive.pitch, drive.turn, drive.rate):
+            finite = np.isfinite(values)
+            count = np.bincount(at[finite], minlength=at[-1] + 1)
+            sums = np.bincount(at[finite], values[finite], at[-1] + 1)
+            means.append(sums / np.where(count > 0, count, np.nan))
+        # Slip is a ratio, so speeds are averaged first: a mean of ratios would be dominated by rows with slow rims.
+        rim, speed, pitch, turn, rate = means
+        slip = np.clip((rim - speed) / np.where(np.abs(rim) > 1e-3, rim, np.nan), -1.0, 1.0)
+        sin_pitch = np.nan_to_num(np.sin(pitch))
+        signals[key] = np.column_stack([slip, slip**2, sin_pitch, np.nan_to_num(turn), rate])
     table = np.concatenate(list(signals.values()))
     spread = np.maximum(np.nanstd(table, axis=0), 1e-9)
     rows = np.column_stack([np.ones(len(table)), (table - np.nanmean(table, axis=0)) / spread])
@@ -164,23 +178,3 @@ def choose_parts(candidates: list[tuple[DriveSignals, Part]], most: int) -> list
 def _blocks(drive: DriveSignals) -> np.ndarray:
     """Return, for each row of a drive (rows,), the number of the row's block of BLOCK seconds."""
     return np.floor((drive.t - drive.t[0]) / BLOCK).astype(int)
-
-
-def _block_signals(drive: DriveSignals) -> np.ndarray:
-    """Return the averages of slip, slip^2, sin pitch, turn rate and wheel rate over each block of a drive (blocks, 5).
-
-    The slip is NaN in a block with wheels at rest or with an unknown position.
-    """
-    at = _blocks(drive)
-
-    def mean(values: np.ndarray) -> np.ndarray:
-        """Return the mean of a signal over each block (blocks,); NaN for a block without numbers."""
-        finite = np.isfinite(values)
-        count = np.bincount(at[finite], minlength=at[-1] + 1)
-        return np.bincount(at[finite], values[finite], at[-1] + 1) / np.where(count > 0, count, np.nan)
-
-    # Slip is a ratio, so speeds are averaged first: a mean of ratios would be dominated by rows with slow rims.
-    rim, speed = mean(drive.rim), mean(drive.speed)
-    slip = np.clip((rim - speed) / np.where(np.abs(rim) > 1e-3, rim, np.nan), -1.0, 1.0)
-    pitch, turn = np.nan_to_num(np.sin(mean(drive.pitch))), np.nan_to_num(mean(drive.turn))
-    return np.column_stack([slip, slip**2, pitch, turn, mean(drive.rate)])

@@ -179,7 +179,30 @@ def wheel_choices(words: Sequence[Word], rover: Rover, declared: Mapping[str, En
     there = [name.removeprefix("wheel_rate_") for name in {**present, **declared_rates}]
     if declared_rates and not measured + sides and are_enough(there, rover):
         measured = [Choice(present, 0.0, "given by the user", True)]
-    tiers = [measured, sides, list(_of_twist(words, rover)), commanded]
+    # Rates may also follow from columns of the rover's speed v and turn rate omega, commanded or reported by odometry.
+    # The rate of a wheel is (v -+ omega b / 2) / r, where b / 2 is the distance of the wheel from the centre line and r
+    # its radius. The sign is - for a left wheel.
+    from_twist: list[Choice] = []
+    moves = [word for word in words if word.has(called.ODOMETRY | called.COMMAND | {"twist"})]
+    ahead = [word for word in moves if word.has(called.AHEAD) and word.tokens[-1] not in ("y", "z")]
+    turns = [word for word in moves if word.has(called.TURN) or (word.has({"angular"}) and word.tokens[-1] == "z")]
+    places = wheel_places(rover)
+    for v, omega in itertools.product(ahead, turns):
+        # A commanded speed does not belong to a measured turn rate.
+        paired = all(v.has(kind) == omega.has(kind) for kind in (called.COMMAND, called.ODOMETRY))
+        if not paired or v.unit not in ("", "m/s") or omega.unit not in ("", "rad/s"):
+            continue
+        entries: dict[str, Entry] = {}
+        for mount in rover.wheels:
+            half, sign = abs(float(places[mount.name][1])), "-" if mount.side == "l" else "+"
+            formula = f"({quote(v.name)} {sign} {half:.6g} * {quote(omega.name)}) / {float(mount.wheel.r):.6g}"
+            entries[f"wheel_rate_{mount.name}"] = {"formula": formula}
+        why = (
+            "the wheel rates are not recorded, so they are computed from the rover's speed v and turn rate omega as "
+            "(v -+ omega b / 2) / r"
+        )
+        from_twist.append(Choice(entries, 0.0 if v.has(called.ODOMETRY) else -1.0, why))
+    tiers = [measured, sides, from_twist, commanded]
     return [[choice._replace(entries={**choice.entries, **declared_rates}) for choice in tier] for tier in tiers]
 
 
@@ -235,30 +258,3 @@ def _entry(word: Word, unit: str, radius: float, sense: int, count: bool) -> Ent
         return {"formula": f"{sign}{'' if factor == 1.0 else f'{factor:.6g} * '}{quote(word.name)} / {radius:.6g}"}
     exact = word.name.startswith("wheel_rate_") and not word.unit
     return column(word, "" if exact and unit == "rad/s" else unit, **({"scale": -1.0} if sense < 0 else {}))
-
-
-def _of_twist(words: Sequence[Word], rover: Rover) -> Iterator[Choice]:
-    """Yield wheel rates that are computed from recorded columns of the speed v and the turn rate omega of the rover.
-
-    The rate of a wheel is (v -+ omega b / 2) / r, where b / 2 is the distance of the wheel from the centre line and r
-    its radius. The sign is - for a left wheel. Speed and turn rate may be commanded or reported by odometry.
-    """
-    moves = [word for word in words if word.has(called.ODOMETRY | called.COMMAND | {"twist"})]
-    ahead = [word for word in moves if word.has(called.AHEAD) and word.tokens[-1] not in ("y", "z")]
-    turns = [word for word in moves if word.has(called.TURN) or (word.has({"angular"}) and word.tokens[-1] == "z")]
-    places = wheel_places(rover)
-    for v, omega in itertools.product(ahead, turns):
-        # A commanded speed does not belong to a measured turn rate.
-        paired = all(v.has(names) == omega.has(names) for names in (called.COMMAND, called.ODOMETRY))
-        if not paired or v.unit not in ("", "m/s") or omega.unit not in ("", "rad/s"):
-            continue
-        entries = {}
-        for mount in rover.wheels:
-            half, sign = abs(float(places[mount.name][1])), "-" if mount.side == "l" else "+"
-            formula = f"({quote(v.name)} {sign} {half:.6g} * {quote(omega.name)}) / {float(mount.wheel.r):.6g}"
-            entries[f"wheel_rate_{mount.name}"] = {"formula": formula}
-        why = (
-            "the wheel rates are not recorded, so they are computed from the rover's speed v and turn rate omega as "
-            "(v -+ omega b / 2) / r"
-        )
-        yield Choice(entries, 0.0 if v.has(called.ODOMETRY) else -1.0, why)

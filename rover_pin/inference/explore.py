@@ -71,7 +71,16 @@ class Explorer:
         if not self.fitted:
             self.base()
         # Causes that cannot be seen are dropped first, because each costs a fit and dilutes the prior of the others.
-        self.causes = self._shown_causes()
+        # A cause counts as visible if its default size changes the prediction by more than MIN_VISIBLE_CHANGE.
+        fitter, start = self.fitter, self.flat[frozenset()][0]
+        without, _ = fitter.predict_row(fitter.model, fitter.numbers, start)
+        visible = []
+        for cause in self.causes:
+            u = np.concatenate([start, _start_amplitudes(cause, 1.0)])
+            response = (fitter.predict_row(*fitter.having((cause,)), u)[0] - without) / fitter.samples.sd
+            if np.linalg.norm(response[np.isfinite(response)]) > MIN_VISIBLE_CHANGE:
+                visible.append(cause)
+        self.causes = visible
         self.progress("fitting each cause alone")
         singles = [
             cause for cause in telling(self.causes, len(self.causes), "fitting each cause alone") if self.fit((cause,))
@@ -171,21 +180,6 @@ class Explorer:
         deviations = (precision @ linear.target) / np.sqrt(np.diag(precision))
         size = np.abs(deviations)
         return np.where(size == size.max(), (2.0 * size / CLEAR_SDS) ** 2, 1.0) if size.max() > CLEAR_SDS else None
-
-    def _shown_causes(self) -> list[Cause]:
-        """Return the causes that are visible in the data: those that change the prediction by more than
-        MIN_VISIBLE_CHANGE if they have their default size.
-        """
-        fitter, start = self.fitter, self.flat[frozenset()][0]
-        # The prediction without any cause, to compare with the prediction with each cause at its default size.
-        without, _ = fitter.predict_row(fitter.model, fitter.numbers, start)
-
-        def moves(cause: Cause) -> bool:
-            u = np.concatenate([start, _start_amplitudes(cause, 1.0)])
-            response = (fitter.predict_row(*fitter.having((cause,)), u)[0] - without) / fitter.samples.sd
-            return bool(np.linalg.norm(response[np.isfinite(response)]) > MIN_VISIBLE_CHANGE)
-
-        return [cause for cause in self.causes if moves(cause)]
 
     def fit(self, causes: Sequence[Cause]) -> bool:
         """Fit a set of causes unless it was fitted before, and return whether the set has a converged fit."""

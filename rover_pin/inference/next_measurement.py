@@ -171,7 +171,14 @@ def _discrepancy(offer: Offer, hypothesis: fitted.Hypothesis) -> tuple[np.ndarra
     inputs, inputs_ahead = scale_inputs(measured.varied[at_fold, at_sample], ahead.varied[fold, sample])
     sd = np.broadcast_to(offer.noise.sd if offer.noise.sd.ndim > 1 else offer.noise.sd[:, None], offer.noise.good.shape)
     row_sd = sd[fold, channel, sample]
-    added = _added_ahead(offer, hypothesis) * row_sd
+    # Contribution of each cause to the prediction (causes, n): the prediction changes by it when the cause is switched
+    # off. A hypothesis without an error of form needs no contributions, so the array has no rows.
+    added = np.zeros((0, len(row_sd)))
+    if len(errors.added):
+        fit, numbers = hypothesis.fit, hypothesis.fit.parameters
+        absent = [model_at(ahead, fit.model, numbers, cause.absent(numbers, fit.u)) for cause in hypothesis.causes]
+        present, *without = (_predict(offer, offer.meets(model)) for model in (fit.model, *absent))
+        added = np.array([np.nan_to_num(present - row) for row in without]) * row_sd
     # A discrepancy is correlated only within one channel of one campaign; elsewhere K and K_o are 0.
     names, campaigns = np.array(ahead.channels)[channel], ahead.campaigns[fold]
     cross, prior = np.zeros((len(fold), len(samples.value))), np.zeros((len(fold), len(fold)))
@@ -182,23 +189,6 @@ def _discrepancy(offer: Offer, hypothesis: fitted.Hypothesis) -> tuple[np.ndarra
         cross[np.ix_(rows, block)] = errors.smooth_between(eta, which, ahead_settings, settings)
         prior[np.ix_(rows, rows)] = errors.smooth_between(eta, which, ahead_settings, ahead_settings)
     return cross / row_sd[:, None], prior / row_sd[:, None] / row_sd
-
-
-def _added_ahead(offer: Offer, hypothesis: fitted.Hypothesis) -> np.ndarray:
-    """Return the contribution of each cause (causes, n) to the prediction of an offer (possible next measurements), in
-    SDs of the offer's noise.
-
-    If the hypothesis has no error of form, the contributions are not needed, and the array has no rows.
-    """
-    if not len(hypothesis.errors.added):
-        return np.zeros((0, int(offer.noise.good.sum())))
-    fit, causes = hypothesis.fit, hypothesis.causes
-    # One model for each cause, with this cause switched off.
-    absent = [
-        model_at(offer.experiment, fit.model, fit.parameters, cause.absent(fit.parameters, fit.u)) for cause in causes
-    ]
-    present, *without = (_predict(offer, offer.meets(model)) for model in (fit.model, *absent))
-    return np.array([np.nan_to_num(present - row) for row in without])
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:

@@ -60,28 +60,6 @@ class FunctionEvidence(NamedTuple):
     """noise scale (factor on the noise) in the fit with the function"""
 
 
-class _Projection(NamedTuple):
-    """The part of an unlisted function that the parameters of a fit cannot absorb, in the directions of its
-    eigenvectors.
-
-    `values` (m,) are the eigenvalues of the curvature S = V diag(values) V', and `along` (m,) is the gradient V'e (S
-    and e as in the equations at the top of the module).
-    """
-
-    values: np.ndarray
-    along: np.ndarray
-
-    def gains(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the increases of the log evidence by the function (amplitudes,), one for each given amplitude. An
-        amplitude is the prior SD of the function's coefficients.
-        """
-        # In the eigenvectors of S the gain is a sum over directions, so that all amplitudes are computed at once.
-        shares = amplitudes[:, None] ** 2 / (1.0 + amplitudes[:, None] ** 2 * self.values)
-        return np.asarray(
-            0.5 * shares @ self.along**2 - 0.5 * np.log1p(amplitudes[:, None] ** 2 * self.values).sum(axis=1)
-        )
-
-
 def _robust_evidence(expansion: Expansion, laplace: Laplace, columns: Columns, amplitude: float) -> FunctionEvidence:
     """Return the evidence of one unlisted function with the amplitude a, with Huber's weights and noise scale from the
     residuals that the function leaves.
@@ -155,12 +133,24 @@ def with_functions(fits: Sequence[tuple[Expansion, Laplace]], functions: Iterabl
         is kept.
     """
     amplitudes = PRIORS["a"].median * np.exp(PRIORS["a"].sd * AMPLITUDE_NODES)
+    variances = amplitudes**2
     gains: list[list[float]] = [[] for _ in fits]
     likeliest: dict[int, tuple[float, Columns, float]] = {}
     # Evidence of every function in the linear model with the weights of the fit; the most likely one is kept.
     for columns in functions:
         for at, (expansion, laplace) in enumerate(fits):
-            by_amplitude = _project_columns(expansion, laplace, columns).gains(amplitudes)
+            # The parameters of the fit absorb a part of the function. This part is projected out of the curvature S of
+            # the function's coefficients and out of the gradient e, as at the top of the module.
+            count, weights = len(laplace.mean), expansion.weights / laplace.scale**2
+            cross = columns.across(weights[:, None] * expansion.columns[:, :count])
+            gradient = expansion.whole.slope[0][:count] / laplace.scale**2 + expansion.u[:count]
+            back = laplace.covariance @ cross
+            values, vectors = np.linalg.eigh(columns.normal(weights) - cross.T @ back)
+            along = vectors.T @ (columns.across(weights * expansion.settled) - back.T @ gradient)
+            # In the eigenvectors of S the gain is a sum over directions, so that all amplitudes (each is a prior SD of
+            # the coefficients) are computed at once.
+            scaled = variances[:, None] * np.maximum(values, 0.0)
+            by_amplitude = 0.5 * (variances[:, None] / (1.0 + scaled)) @ along**2 - 0.5 * np.log1p(scaled).sum(axis=1)
             gains[at].append(float(logsumexp(by_amplitude, b=AMPLITUDE_WEIGHTS)))
             if at not in likeliest or by_amplitude.max() > likeliest[at][0]:
                 likeliest[at] = float(by_amplitude.max()), columns, float(amplitudes[by_amplitude.argmax()])
@@ -171,20 +161,6 @@ def with_functions(fits: Sequence[tuple[Expansion, Laplace]], functions: Iterabl
         total = float(logsumexp(gains[at])) - math.log(len(gains[at]))
         evidence.append(best._replace(gain=total + best.gain - linear))
     return evidence
-
-
-def _project_columns(expansion: Expansion, laplace: Laplace, columns: Columns) -> _Projection:
-    """Remove the part of an unlisted function that the parameters of a fit absorb, and return the rest as S and e of
-    the equations at the top of the module.
-    """
-    count, weights = len(laplace.mean), expansion.weights / laplace.scale**2
-    cross = columns.across(weights[:, None] * expansion.columns[:, :count])
-    gradient = expansion.whole.slope[0][:count] / laplace.scale**2 + expansion.u[:count]
-    # The part of the function that the parameters imitate is projected out of both curvature and gradient.
-    back = laplace.covariance @ cross
-    values, vectors = np.linalg.eigh(columns.normal(weights) - cross.T @ back)
-    e = columns.across(weights * expansion.settled) - back.T @ gradient
-    return _Projection(np.maximum(values, 0.0), vectors.T @ e)
 
 
 def smooth_functions(fit: Fit) -> Iterator[Columns]:

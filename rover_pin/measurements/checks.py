@@ -55,7 +55,17 @@ def column(values: Any, name: str, where: str, gaps: bool = False) -> np.ndarray
     try:
         array = np.array(values, dtype=float)
     except (TypeError, ValueError):
-        raise DataError(f"{where}: {name} holds {_no_number(values)}; give numbers only.") from None
+        # The message names the first cell that is not a number, with its row. Empty cells are passed over.
+        culprit = "something that is not a number"
+        for row, value in enumerate(values if np.ndim(values) else [], 1):
+            if str(value).strip().lower() in MISSING:
+                continue
+            try:
+                float(value)
+            except (TypeError, ValueError):
+                culprit = f"{str(value)!r} in row {row}, which is not a number"
+                break
+        raise DataError(f"{where}: {name} holds {culprit}; give numbers only.") from None
     if array.ndim != 1 or array.size == 0:
         raise DataError(f"{where}: {name} has no data; give at least one measured point, as a plain list of numbers.")
     # Missing cells are allowed with `gaps`; infinite ones never.
@@ -65,20 +75,6 @@ def column(values: Any, name: str, where: str, gaps: bool = False) -> np.ndarray
         raise DataError(f"{where}: {name} has no number in any row; leave that column out.")
     array.setflags(write=False)
     return array
-
-
-def _no_number(values: Any) -> str:
-    """Return a text that names the first cell of a column that is not a number, with its row, for an error message.
-    Empty cells are passed over.
-    """
-    for row, value in enumerate(values if np.ndim(values) else [], 1):
-        if str(value).strip().lower() in MISSING:
-            continue
-        try:
-            float(value)
-        except (TypeError, ValueError):
-            return f"{str(value)!r} in row {row}, which is not a number"
-    return "something that is not a number"
 
 
 def same_length(where: str, **columns: np.ndarray) -> None:

@@ -136,7 +136,21 @@ class RigTable:
                 continue
             ((name, match),) = chosen
             self.sources[column] = Source(name, match.unit)
-            self.notes.append(f"'{name}' is {column}{_reading_of(column, match)}")
+            # The note states the unit only where it was converted or had to be assumed.
+            unit = UNITS.get(column.replace("_sd_", "_"), "")
+            has_unit = unit not in ("", "text")
+            reading = []
+            if match.unit and has_unit:
+                reading.append(f"in {match.unit}")
+                if "kg" in match.unit and column != LOAD_MASS:
+                    reading.append(f"as kilopond of {KILOPOND:g} N")
+            elif has_unit and (match.unit == "" or not column.endswith(f"_{unit.replace(' ', '')}")):
+                reading.append(f"taken as {unit}")
+            if match.is_guess:
+                reading.append("a guess from part of its name")
+            if match.is_set_point:
+                reading.append("commanded, as no measured one is there")
+            self.notes.append(", ".join([f"'{name}' is {column}", *reading]))
             for other, _ in rows:
                 if other != name:
                     self.notes.append(f"'{other}' is not used: '{name}' already is {column}")
@@ -326,28 +340,6 @@ class RigTable:
                 f"of one run, or add a column {sd_column(silent[0].column)}."
             )
         return entries
-
-
-def _reading_of(column: str, match: Match) -> str:
-    """Return the part of a note that states the unit of a column as read, and whether the unit or the meaning is a
-    guess.
-    """
-    # The note states the unit only where it was converted or had to be assumed.
-    unit = UNITS.get(column.replace("_sd_", "_"), "")
-    words = []
-    if match.unit and unit and unit != "text":
-        words.append(f"in {match.unit}")
-        if "kg" in match.unit and column != LOAD_MASS:
-            words.append(f"as kilopond of {KILOPOND:g} N")
-    elif (unit not in ("", "text") and not column.endswith(f"_{unit.replace(' ', '')}")) or (
-        unit not in ("", "text") and match.unit == ""
-    ):
-        words.append(f"taken as {unit}")
-    if match.is_guess:
-        words.append("a guess from part of its name")
-    if match.is_set_point:
-        words.append("commanded, as no measured one is there")
-    return f", {', '.join(words)}" if words else ""
 
 
 def channel_unit(name: str) -> str:

@@ -1,7 +1,7 @@
 """The sets of causes that remain possible: their sizes, probabilities and held-out errors, for the first screen."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -176,34 +176,32 @@ def cause_table(verdict: Verdict, labels: Labels) -> Table | None:
         rows.append(CauseSet((), nothing, (), before))
     rows.sort(key=lambda row: not row.names)
     channels = shown_channels(verdict)
-    cells = [
-        (
-            in_words(row.names, verdict, labels) or BASE_MODEL,
-            "; ".join(filter(None, _size_texts(row, verdict, labels))),
-            f"{row.probability:.2f}" if math.isfinite(row.probability) else "",
-            listing(
-                f"{labels.channel(score.name)} {brief(row.errors[score.name], score.unit)}"
-                for score in channels
-                if score.name in row.errors
-            ),
-            f"{two_digits(total)} times the noise" if math.isfinite(total := row.times_noise(verdict.scores)) else "",
+    cells = []
+    for row in rows:
+        # The row of the base model has no causes; it shows the numbers of the base model that the data contradict.
+        sizes = [] if row.names else [f"{number.name} = {with_interval(number)}" for number in row.numbers]
+        for name in row.names:
+            # Only sizes are shown, which have no declared value to drift from. The other numbers shape the law of a
+            # cause.
+            numbers = tuple(number for number in numbers_of(row, name) if math.isnan(number.drift))
+            text = sizes_of(row._replace(numbers=numbers), name)
+            # If a set has several causes, each text begins with the title of its cause.
+            sizes.append(f"{in_words((name,), verdict, labels)}: {text}" if text and len(row.names) > 1 else text)
+        errors = [
+            f"{labels.channel(score.name)} {brief(row.errors[score.name], score.unit)}"
+            for score in channels
+            if score.name in row.errors
+        ]
+        total = row.times_noise(verdict.scores)
+        cells.append(
+            (
+                in_words(row.names, verdict, labels) or BASE_MODEL,
+                "; ".join(filter(None, sizes)),
+                f"{row.probability:.2f}" if math.isfinite(row.probability) else "",
+                listing(errors),
+                f"{two_digits(total)} times the noise" if math.isfinite(total) else "",
+            )
         )
-        for row in rows
-    ]
     heads = ("cause", "size, 95 % interval", "probability", "held-out error", "held-out error of all channels")
     looks = [CHOSEN * (bool(row.names) and row.names == verdict.named) for row in rows]
     return Table(heads, tuple(map(Row, cells, looks)))
-
-
-def _size_texts(row: CauseSet, verdict: Verdict, labels: Labels) -> Iterator[str]:
-    """Yield the sizes of each cause of a set for the table. If there are several causes, each text begins with a title.
-
-    For the base model, the texts are its numbers that the data contradict.
-    """
-    if not row.names:
-        yield from (f"{number.name} = {with_interval(number)}" for number in row.numbers)
-    for name in row.names:
-        # Only sizes are shown, which have no declared value to drift from. The other numbers shape the law of a cause.
-        sizes = tuple(number for number in numbers_of(row, name) if math.isnan(number.drift))
-        text = sizes_of(row._replace(numbers=sizes), name)
-        yield f"{in_words((name,), verdict, labels)}: {text}" if text and len(row.names) > 1 else text

@@ -68,17 +68,29 @@ def headline(verdict: Verdict, labels: Labels) -> str:
     """
     answer = verdict.answer
     if verdict.rival:
-        sentence = _rival_sentence(verdict, labels)
+        # A curve without physics predicts some channel better than the model.
+        errors = {score.name: score for score in verdict.scores}
+        better = [
+            baseline
+            for baseline in verdict.baselines
+            if baseline.channel in errors
+            and is_better(baseline.error, errors[baseline.channel].floor, errors[baseline.channel].after)
+        ]
+        channels = listing(dict.fromkeys(labels.channel(baseline.channel) for baseline in better)) or "held-out data"
+        curves = listing(dict.fromkeys(baseline.curve for baseline in better), "or") or "curve without physics"
+        sentence = f"a {curves} predicts {channels} better than the model."
+        if len(sentence.split()) > MAX_HEADLINE_WORDS:
+            sentence = "curves without physics predict held-out data better than the model."
     elif verdict.named:
         sentences = [one.rstrip(".") + _contradictions(verdict) for one in _cause_sentences(verdict, labels)]
         sentence = next((one for one in sentences if len(one.split()) <= MAX_HEADLINE_WORDS), sentences[-1])
     elif answer is Answer.NONE_NEEDED:
         sentence = "no effect needs to be added to the model."
     elif answer is Answer.NONE_FITS:
-        channels = [labels.channel(score.name) for score in worst(verdict.scores)[:2]]
-        errors = f" in {listing(channels)}" if channels else ""
+        worst_channels = listing(labels.channel(score.name) for score in worst(verdict.scores)[:2])
+        where = f" in {worst_channels}" if worst_channels else ""
         start = "something acts that is not on the list: no candidate explains the errors"
-        sentences = [f"{start}{more}{_contradictions(verdict)}" for more in (errors, "")]
+        sentences = [f"{start}{more}{_contradictions(verdict)}" for more in (where, "")]
         sentence = next((one for one in sentences if len(one.split()) <= MAX_HEADLINE_WORDS), sentences[-1])
     elif answer is Answer.INADEQUATE:
         numbers = listing(labels.placed(number.name) for number in far_from_declared(verdict))
@@ -96,22 +108,6 @@ def _contradictions(verdict: Verdict) -> str:
     """
     beyond = "; something else acts as well" if verdict.beyond_noise and verdict.named else ""
     return beyond + ("; held-out data contradict the evidence." if verdict.overturned else ".")
-
-
-def _rival_sentence(verdict: Verdict, labels: Labels) -> str:
-    """Return the headline of a verdict whose model predicts some channel worse than a curve without physics."""
-    errors = {score.name: score for score in verdict.scores}
-    better = [
-        baseline
-        for baseline in verdict.baselines
-        if baseline.channel in errors
-        and is_better(baseline.error, errors[baseline.channel].floor, errors[baseline.channel].after)
-    ]
-    channels = listing(dict.fromkeys(labels.channel(baseline.channel) for baseline in better)) or "held-out data"
-    curves = listing(dict.fromkeys(baseline.curve for baseline in better), "or") or "curve without physics"
-    sentence = f"a {curves} predicts {channels} better than the model."
-    few = len(sentence.split()) <= MAX_HEADLINE_WORDS
-    return sentence if few else "curves without physics predict held-out data better than the model."
 
 
 def _cause_sentences(verdict: Verdict, labels: Labels) -> Iterator[str]:
@@ -184,19 +180,14 @@ def full_answer(verdict: Verdict, labels: Labels) -> str:
     else:
         sentence = f"these data do not show which effect the model lacks: {verdict.sentence}"
     # The sentence of the verdict, which two answers quote, already states what follows here.
-    quotes = answer in (Answer.INADEQUATE, Answer.CANNOT_TELL)
-    more = () if quotes else (_beyond_noise_sentence(verdict, labels), *map(labels.placed, verdict.overturned))
+    more: list[str] = []
+    if answer not in (Answer.INADEQUATE, Answer.CANNOT_TELL):
+        # A residual that is too large to be noise shows that something acts in addition to the named causes.
+        if verdict.beyond_noise and verdict.named and verdict.beliefs:
+            ratios = beyond_noise_text(verdict.beyond_noise, usual_noise(verdict.beliefs), labels.channel)
+            more.append(f"Something else acts as well: the residual is {ratios}.")
+        more += map(labels.placed, verdict.overturned)
     return capital(human(" ".join(filter(None, (sentence, *more))), kinds_of(verdict)))
-
-
-def _beyond_noise_sentence(verdict: Verdict, labels: Labels) -> str:
-    """Return the sentence that something acts in addition to the named causes, because a residual is too large to be
-    noise; empty if no residual is, or if nothing was named.
-    """
-    if not (verdict.beyond_noise and verdict.named and verdict.beliefs):
-        return ""
-    ratios = beyond_noise_text(verdict.beyond_noise, usual_noise(verdict.beliefs), labels.channel)
-    return f"Something else acts as well: the residual is {ratios}."
 
 
 def _describe_causes(row: CauseSet, verdict: Verdict, labels: Labels) -> str:
@@ -215,28 +206,19 @@ def improvement(verdict: Verdict, labels: Labels) -> str:
 
     If no effect is needed, the sentence states the largest errors of the model instead. It may be empty.
     """
-    sentence = ""
-    if verdict.named:
-        sentence = _change_sentence(verdict, labels)
-    elif verdict.answer is Answer.NONE_NEEDED and verdict.scores:
-        sentence = f"the largest errors of the model: {_largest_errors(verdict, labels)} {labels.unseen}."
-    return capital(sentence)
-
-
-def _change_sentence(verdict: Verdict, labels: Labels) -> str:
-    """Return the sentence on the held-out errors without and with the added effects.
-
-    If there are few channels, the sentence names all of them. Otherwise it names the two channels that improved most,
-    and counts the other channels.
-    """
+    if not verdict.named:
+        if verdict.answer is not Answer.NONE_NEEDED or not verdict.scores:
+            return ""
+        return capital(f"the largest errors of the model: {_largest_errors(verdict, labels)} {labels.unseen}.")
     better, worse = (by_outcome(verdict.scores, outcome) for outcome in (Outcome.BETTER, Outcome.WORSE))
     if not better:
-        return f"no channel is predicted better {labels.unseen} beyond its scatter."
+        return capital(f"no channel is predicted better {labels.unseen} beyond its scatter.")
 
     def with_errors(scores: Sequence[ChannelScore]) -> list[tuple[str, str, str]]:
         return [(labels.channel(score.name), *pair(score.before, score.after, score.unit)) for score in scores]
 
-    # With few channels every channel is accounted for: better, worse, or no claim.
+    # With few channels every channel is accounted for: better, worse, or no claim. Otherwise the sentence names the two
+    # channels that improved most, and counts the other channels.
     few_channels = len(verdict.scores) <= MAX_NAMED
     (name, was, now), *more = with_errors(better if few_channels else better[:2])
     sentence = f"{name} was wrong by {was} and is now wrong by {now}"
@@ -250,7 +232,7 @@ def _change_sentence(verdict: Verdict, labels: Labels) -> str:
         remarks.append(f"{len(better)} of {len(verdict.scores)} channels are better and {len(worse)} worse")
     elif unclaimed:
         remarks.append(f"no claim is made for {listing(unclaimed)}, whose change is within the scatter")
-    return "; ".join([f"{sentence} {labels.unseen}", *remarks]) + "."
+    return capital("; ".join([f"{sentence} {labels.unseen}", *remarks]) + ".")
 
 
 def _largest_errors(verdict: Verdict, labels: Labels) -> str:
@@ -266,8 +248,26 @@ def supporting_reasons(verdict: Verdict, labels: Labels) -> list[str]:
     """Return the reasons to believe a verdict, one sentence for each. The first reason is the change of the held-out
     errors.
     """
-    lines = list(_reasons_for_addition(verdict, labels))
-    if not verdict.named and verdict.before is not None:
+    lines: list[str] = []
+    if verdict.named and verdict.before is not None and verdict.after is not None:
+        better, worse = (by_outcome(verdict.scores, outcome) for outcome in (Outcome.BETTER, Outcome.WORSE))
+        if better:
+            score = better[0]
+            change = f"{labels.channel(score.name)} by {share(score.change)} [{share(score.low)}, {share(score.high)}]"
+            lines.append(
+                f"{labels.unseen} {len(better)} of {len(verdict.scores)} channels are predicted better beyond their "
+                f"scatter and {len(worse)} worse; the error changes most for {change}"
+            )
+        # Only a majority of repeated selections supports the choice.
+        agree, folds = verdict.agreeing_folds, len(verdict.chosen)
+        if folds and 2 * agree > folds:
+            lines.append(_repeated_choices(verdict, labels))
+        if verdict.share > 0:
+            removed = f"{verdict.share:.0%} of the base model's error above the noise {labels.unseen}"
+            lines.append(f"the added effects remove {removed}")
+        before, after = two_digits(verdict.before.misfit), two_digits(verdict.after.misfit)
+        lines.append(f"chi2 per measured value falls from {before} to {after}, where 1 is the noise")
+    elif not verdict.named and verdict.before is not None:
         lines += [
             f"chi2 per measured value is {two_digits(verdict.before.misfit)}, where 1 is the noise",
             f"{verdict.tried} candidates were weighed, alone and together, with all uncertain numbers free",
@@ -277,7 +277,54 @@ def supporting_reasons(verdict: Verdict, labels: Labels) -> list[str]:
 
 def opposing_reasons(verdict: Verdict, labels: Labels) -> list[str]:
     """Return the reasons to doubt a verdict, one sentence for each, the strongest reason first."""
-    return _as_sentences(verdict, map(labels.placed, _doubts(verdict, labels)))
+    # The order is from the strongest doubt to the weakest.
+    doubts = list(verdict.vetoes)
+    for score in by_outcome(verdict.scores, Outcome.WORSE):
+        doubts.append(f"{labels.channel(score.name)} is predicted worse by {share(score.change)} {labels.unseen}")
+    if verdict.named:
+        if verdict.chosen and 2 * verdict.agreeing_folds <= len(verdict.chosen):
+            doubts.append(_repeated_choices(verdict, labels))
+        sets = cause_sets(verdict)
+        others = [in_words(row.names, verdict, labels) for row in sets if row.names and row.names != verdict.named]
+        if others:
+            added = in_words(verdict.named, verdict, labels)
+            doubts.append(f"{listing(others, 'or')} cannot be distinguished from {added} by these data")
+        # Without probabilities, nothing is known about a further discrepancy.
+        more = verdict.beliefs.probability(lambda hypothesis: hypothesis.leaves_more) if verdict.beliefs else 0.0
+        if more > MAJORITY:
+            doubts.append(
+                f"whichever cause acts, a discrepancy larger than the noise remains with probability {more:.2f}"
+            )
+    # A part of the data that the others predict worse with the added effects contradicts these effects.
+    worst_run = max(verdict.runs, key=lambda run_score: run_score.after / max(run_score.before, 1e-9), default=None)
+    if verdict.named and worst_run is not None and worst_run.after > FLOOR_RATIO * worst_run.before:
+        doubts.append(
+            f"{labels.fold(worst_run.run)} is predicted worse with the added effects by a fit to the other data "
+            f"(chi2 per measured value {two_digits(worst_run.before)} -> {two_digits(worst_run.after)})"
+        )
+    # Even with the added effects, an error far above the noise means that something else is missing.
+    noisy = [score for score in worst(verdict.scores) if score.after > MAX_NOISE_RATIO * score.floor]
+    if noisy and (verdict.named or verdict.answer is Answer.NONE_NEEDED):
+        score, still = noisy[0], "still " if verdict.named else ""
+        times = two_digits(score.times(score.after))
+        doubts.append(f"the held-out error of {labels.channel(score.name)} is {still}{times} times its noise")
+    doubts += [caution for caution in verdict.cautions if caution.partition(":")[0] not in verdict.vetoes]
+    for finding in verdict.findings:
+        doubts.append(f"finding of the data check: {finding}")
+    if verdict.named:
+        doubts.append(
+            f"only the {verdict.tried} listed candidates were weighed; an unlisted effect may have the same influence"
+        )
+    elif verdict.answer is Answer.NONE_NEEDED:
+        # The first entry is the most probable cause.
+        name, probability = next(iter(verdict.beliefs.included.items()), ("", 0.0)) if verdict.beliefs else ("", 0.0)
+        if probability > MAX_NEGLIGIBLE_PROBABILITY:
+            doubts.append(f"{name} may act nevertheless, with probability {probability:.2f}")
+        doubts.append(
+            "an effect that is too small for these data may act; the section 'Detection limits' gives the smallest "
+            "detectable sizes"
+        )
+    return _as_sentences(verdict, map(labels.placed, doubts))
 
 
 def next_run(verdict: Verdict) -> list[str]:
@@ -300,30 +347,6 @@ def _as_sentences(verdict: Verdict, lines: Iterable[str]) -> list[str]:
     return [capital(human(line, kinds)).rstrip(".") + "." for line in dict.fromkeys(lines)]
 
 
-def _reasons_for_addition(verdict: Verdict, labels: Labels) -> Iterator[str]:
-    """Yield the reasons for the added effects: held-out errors, agreement of repeated selections, and the decrease of
-    chi2.
-    """
-    if not verdict.named or verdict.before is None or verdict.after is None:
-        return
-    better, worse = (by_outcome(verdict.scores, outcome) for outcome in (Outcome.BETTER, Outcome.WORSE))
-    if better:
-        score = better[0]
-        change = f"{labels.channel(score.name)} by {share(score.change)} [{share(score.low)}, {share(score.high)}]"
-        yield (
-            f"{labels.unseen} {len(better)} of {len(verdict.scores)} channels are predicted better beyond their "
-            f"scatter and {len(worse)} worse; the error changes most for {change}"
-        )
-    # Only a majority of repeated selections supports the choice.
-    agree, folds = verdict.agreeing_folds, len(verdict.chosen)
-    if folds and 2 * agree > folds:
-        yield _repeated_choices(verdict, labels)
-    if verdict.share > 0:
-        yield f"the added effects remove {verdict.share:.0%} of the base model's error above the noise {labels.unseen}"
-    before, after = two_digits(verdict.before.misfit), two_digits(verdict.after.misfit)
-    yield f"chi2 per measured value falls from {before} to {after}, where 1 is the noise"
-
-
 def _repeated_choices(verdict: Verdict, labels: Labels) -> str:
     """Return the clause with the number of repeated selections of effects that agree with the verdict.
 
@@ -331,50 +354,3 @@ def _repeated_choices(verdict: Verdict, labels: Labels) -> str:
     """
     agree, folds = verdict.agreeing_folds, len(verdict.chosen)
     return f"the selection was repeated {folds} times, each time without one of the {labels.folds}, and {agree} agree"
-
-
-def _doubts(verdict: Verdict, labels: Labels) -> Iterator[str]:
-    """Yield the reasons to doubt a verdict, the strongest reason first."""
-    # The order is from the strongest doubt to the weakest.
-    yield from verdict.vetoes
-    for score in by_outcome(verdict.scores, Outcome.WORSE):
-        yield f"{labels.channel(score.name)} is predicted worse by {share(score.change)} {labels.unseen}"
-    if verdict.named:
-        if verdict.chosen and 2 * verdict.agreeing_folds <= len(verdict.chosen):
-            yield _repeated_choices(verdict, labels)
-        sets = cause_sets(verdict)
-        others = [in_words(row.names, verdict, labels) for row in sets if row.names and row.names != verdict.named]
-        if others:
-            added = in_words(verdict.named, verdict, labels)
-            yield f"{listing(others, 'or')} cannot be distinguished from {added} by these data"
-        # Without probabilities, nothing is known about a further discrepancy.
-        more = verdict.beliefs.probability(lambda hypothesis: hypothesis.leaves_more) if verdict.beliefs else 0.0
-        if more > MAJORITY:
-            yield f"whichever cause acts, a discrepancy larger than the noise remains with probability {more:.2f}"
-    # A part of the data that the others predict worse with the added effects contradicts these effects.
-    worst_run = max(verdict.runs, key=lambda run_score: run_score.after / max(run_score.before, 1e-9), default=None)
-    if verdict.named and worst_run is not None and worst_run.after > FLOOR_RATIO * worst_run.before:
-        yield (
-            f"{labels.fold(worst_run.run)} is predicted worse with the added effects by a fit to the other data "
-            f"(chi2 per measured value {two_digits(worst_run.before)} -> {two_digits(worst_run.after)})"
-        )
-    # Even with the added effects, an error far above the noise means that something else is missing.
-    noisy = [score for score in worst(verdict.scores) if score.after > MAX_NOISE_RATIO * score.floor]
-    if noisy and (verdict.named or verdict.answer is Answer.NONE_NEEDED):
-        score, still = noisy[0], "still " if verdict.named else ""
-        times = two_digits(score.times(score.after))
-        yield f"the held-out error of {labels.channel(score.name)} is {still}{times} times its noise"
-    yield from (caution for caution in verdict.cautions if caution.partition(":")[0] not in verdict.vetoes)
-    for finding in verdict.findings:
-        yield f"finding of the data check: {finding}"
-    if verdict.named:
-        yield f"only the {verdict.tried} listed candidates were weighed; an unlisted effect may have the same influence"
-    elif verdict.answer is Answer.NONE_NEEDED:
-        # The first entry is the most probable cause.
-        name, probability = next(iter(verdict.beliefs.included.items()), ("", 0.0)) if verdict.beliefs else ("", 0.0)
-        if probability > MAX_NEGLIGIBLE_PROBABILITY:
-            yield f"{name} may act nevertheless, with probability {probability:.2f}"
-        yield (
-            "an effect that is too small for these data may act; the section 'Detection limits' gives the smallest "
-            "detectable sizes"
-        )

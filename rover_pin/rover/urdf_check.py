@@ -149,7 +149,16 @@ def _notes(tree: UrdfTree, layout: Layout | None, model: pin.Model, folder: Path
             f"{text}; they are driven as if motors turned them." for text in passive_wheels(Topology(tree), radii)
         )
         yield from visual_against_collision(tree, layout.wheel_joints)
-        yield from _name_notes(layout, tree)
+        # The names of the wheels' joints, or else of their links, may state another end (front, rear) or side (left,
+        # right) than the TOML. The TOML has its axles from front to rear along x, each with left at +y and right at -y.
+        centres = np.array([[-float(axle), y, 0.0] for axle in range(len(layout.axles)) for y in (1.0, -1.0)])
+        joints = {joint.name: joint for joint in tree.joints}
+        for names in (layout.wheel_joints, [joints[name].child for name in layout.wheel_joints]):
+            wrong = contradictions(named_places(names), centres)
+            if wrong:
+                words = ", ".join(f"'{names[i]}' at the {place_words(centres[i], centres.mean(axis=0))}" for i in wrong)
+                yield f"the TOML puts {words}, which contradicts the names: check [wheels] and base_rpy."
+                break
     yield from inertia_notes(tree)
     for joint in tree.joints:
         if joint.lossy:
@@ -178,20 +187,3 @@ def _notes(tree: UrdfTree, layout: Layout | None, model: pin.Model, folder: Path
             "its wheels are not on one plane at zero angles, and static loads are computed at zero angles; correct the "
             "origins."
         )
-
-
-def _name_notes(layout: Layout, tree: UrdfTree) -> Iterator[str]:
-    """Yield a note if the names of the wheels state another end (front, rear) or side (left, right) than the TOML. The
-    names may be names of joints or of links.
-    """
-    # Positions as the TOML states them: axles from front to rear along x, left at +y and right at -y.
-    centres = np.array(
-        [[-float(number), 1.0 if side == 0 else -1.0, 0.0] for number in range(len(layout.axles)) for side in (0, 1)]
-    )
-    joints = {joint.name: joint for joint in tree.joints}
-    for names in (layout.wheel_joints, [joints[name].child for name in layout.wheel_joints]):
-        wrong = contradictions(named_places(names), centres)
-        if wrong:
-            words = ", ".join(f"'{names[i]}' at the {place_words(centres[i], centres.mean(axis=0))}" for i in wrong)
-            yield f"the TOML puts {words}, which contradicts the names: check [wheels] and base_rpy."
-            return

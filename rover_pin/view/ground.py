@@ -26,7 +26,44 @@ class Patch(NamedTuple):
 
 def patches(terrain: Terrain, box: Extent) -> list[Patch]:
     """Return the terrain within a rectangle as triangles, one patch for each soil."""
-    quads, soils = _lanes(terrain, box) if isinstance(terrain, Lanes) else _cells(terrain, box)
+    # The terrain is first divided into Q quadrilaterals (Q, 4, 3) [m], each with its soil index (Q,).
+    if isinstance(terrain, Lanes):
+        # Lanes are strips of ground along x whose height does not change across them. The borders of the strips are
+        # those of the lanes that lie within the rectangle, and its own two sides.
+        edges = [box.y_low, *(y for y in terrain.borders if box.y_low < y < box.y_high), box.y_high]
+        strips, strip_soils = [], []
+        for low, high in zip(edges, edges[1:], strict=False):
+            profile = terrain.profiles[int(terrain.lane(0.5 * (low + high)))]
+            x = _corners((profile,), box)
+            z = profile.height(x)
+            strips.append(_strip(x, z, z, low, high))
+            strip_soils.append(profile.ground[profile.piece(0.5 * (x[1:] + x[:-1]))])
+        for y in edges[1:-1]:
+            # The wall between two lanes of different height has the soil of the higher lane.
+            right, left = (terrain.profiles[int(terrain.lane(y + side * 1e-9))] for side in (-1, 1))
+            x = _corners((right, left), box)
+            middle = 0.5 * (x[1:] + x[:-1])
+            strips.append(_strip(x, right.height(x), left.height(x), y, y))
+            right_soil, left_soil = (profile.ground[profile.piece(middle)] for profile in (right, left))
+            strip_soils.append(np.where(right.height(middle) > left.height(middle), right_soil, left_soil))
+        quads, soils = np.concatenate(strips), np.concatenate(strip_soils)
+    else:
+        # The grid has at most about MAX_POINTS points along each axis. For a height grid they are its own points, for
+        # other terrain they are evenly spaced.
+        axes = [np.linspace(low, high, MAX_POINTS) for low, high in (box[:2], box[2:])]
+        if isinstance(terrain, HeightGrid):
+            for axis, (start, spacing) in enumerate(((terrain.x0, terrain.dx), (terrain.y0, terrain.dy))):
+                low, high = axes[axis][[0, -1]]
+                ticks = start + spacing * np.arange(terrain.z.shape[axis])
+                ticks = ticks[(ticks > low) & (ticks < high)]
+                axes[axis] = np.concatenate([[low], ticks[:: max(1, ticks.size // MAX_POINTS)], [high]])
+        X, Y = np.meshgrid(*axes, indexing="ij")
+        points = np.stack([X, Y, terrain.height(X, Y)], axis=-1)
+        quads = np.stack([points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]], axis=2)
+        # The soil is the one in the middle of a quadrilateral.
+        centres = 0.25 * quads.sum(axis=2)
+        quads = quads.reshape(-1, 4, 3)
+        soils = np.asarray(terrain.ground_at(centres[..., 0], centres[..., 1])).ravel()
     soil_patches = []
     for soil in np.unique(soils):
         corners = quads[soils == soil]
@@ -35,31 +72,6 @@ def patches(terrain: Terrain, box: Extent) -> list[Patch]:
         faces = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
         soil_patches.append(Patch(int(soil), corners.reshape(-1, 3), faces))
     return soil_patches
-
-
-def _lanes(terrain: Lanes, box: Extent) -> tuple[np.ndarray, np.ndarray]:
-    """Return the surface of a terrain that consists of lanes (strips of ground along x) as Q quadrilaterals (Q, 4, 3)
-    [m], and the soil index of each quadrilateral (Q,). Walls between lanes of different height are included.
-    """
-    # The borders between lanes that lie within the rectangle, and its own two sides.
-    edges = [box.y_low, *(y for y in terrain.borders if box.y_low < y < box.y_high), box.y_high]
-    # Each lane is a strip whose height does not change across it.
-    quads, soils = [], []
-    for low, high in zip(edges, edges[1:], strict=False):
-        profile = terrain.profiles[int(terrain.lane(0.5 * (low + high)))]
-        x = _corners((profile,), box)
-        z = profile.height(x)
-        quads.append(_strip(x, z, z, low, high))
-        soils.append(profile.ground[profile.piece(0.5 * (x[1:] + x[:-1]))])
-    for y in edges[1:-1]:
-        # The wall between two lanes has the soil of the higher lane.
-        right, left = (terrain.profiles[int(terrain.lane(y + side * 1e-9))] for side in (-1, 1))
-        x = _corners((right, left), box)
-        middle = 0.5 * (x[1:] + x[:-1])
-        quads.append(_strip(x, right.height(x), left.height(x), y, y))
-        right_soil, left_soil = (profile.ground[profile.piece(middle)] for profile in (right, left))
-        soils.append(np.where(right.height(middle) > left.height(middle), right_soil, left_soil))
-    return np.concatenate(quads), np.concatenate(soils)
 
 
 def _corners(profiles: tuple[Profile, ...], box: Extent) -> np.ndarray:
@@ -76,26 +88,6 @@ def _strip(x: np.ndarray, z_low: np.ndarray, z_high: np.ndarray, y_low: float, y
     """
     low, high = (np.column_stack([x, np.full(x.size, y), z]) for y, z in ((y_low, z_low), (y_high, z_high)))
     return np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)
-
-
-def _cells(terrain: Terrain, box: Extent) -> tuple[np.ndarray, np.ndarray]:
-    """Return a terrain as Q quadrilaterals (Q, 4, 3) [m] between the points of a grid, and the soil index in the middle
-    of each quadrilateral (Q,).
-    """
-    # The grid has at most about MAX_POINTS points along each axis. For a height grid they are its own points, for other
-    # terrain they are evenly spaced.
-    axes = [np.linspace(low, high, MAX_POINTS) for low, high in (box[:2], box[2:])]
-    if isinstance(terrain, HeightGrid):
-        for axis, (start, spacing) in enumerate(((terrain.x0, terrain.dx), (terrain.y0, terrain.dy))):
-            low, high = axes[axis][[0, -1]]
-            ticks = start + spacing * np.arange(terrain.z.shape[axis])
-            ticks = ticks[(ticks > low) & (ticks < high)]
-            axes[axis] = np.concatenate([[low], ticks[:: max(1, ticks.size // MAX_POINTS)], [high]])
-    X, Y = np.meshgrid(*axes, indexing="ij")
-    points = np.stack([X, Y, terrain.height(X, Y)], axis=-1)
-    quads = np.stack([points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]], axis=2)
-    middle = 0.25 * quads.sum(axis=2)
-    return quads.reshape(-1, 4, 3), np.asarray(terrain.ground_at(middle[..., 0], middle[..., 1])).ravel()
 
 
 def ruled_lines(terrain: Terrain, box: Extent) -> np.ndarray:

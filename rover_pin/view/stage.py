@@ -76,7 +76,21 @@ class Stage:
             root = f"{WORLD}/ghost{number}"
             self.ghost_frames.append(self._add_frames(root, ghost.film))
             self._add_shapes(root, shapes, ghost.colour)
-        self.tracks = self._add_tracks(film)
+        # The tracks of the wheels are drawn in pieces that are hidden at first. Each piece is stored with the index of
+        # its first visible frame. The tracks lie 2 mm above the terrain, which would hide them.
+        ends = np.unique(np.linspace(0, film.t.size - 1, PIECES + 1).astype(int))
+        lifted = film.tracks + np.array([0.0, 0.0, 2e-3])
+        self.tracks: list[tuple[int, Any]] = []
+        for start, end in zip(ends, ends[1:], strict=False):
+            for wheel in range(lifted.shape[1]):
+                # A piece of a track has one colour, the slip at its beginning.
+                points = lifted[start : end + 1, wheel]
+                segments = _page_points(np.stack([points[:-1], points[1:]], axis=1))
+                r, g, b = slip_colour(np.nan if film.slip is None else float(film.slip[start, wheel]))
+                darker = in_bytes((0.8 * r, 0.8 * g, 0.8 * b))
+                name = f"{WORLD}/tracks/{wheel}/{start}"
+                line = scene.add_line_segments(name, segments, darker, thickness=0.006, visible=False)
+                self.tracks.append((start + len(points) - 1, line))
         self.arrows = None
         if film.forces is not None:
             self.arrows = scene.add_arrows(
@@ -138,25 +152,6 @@ class Stage:
             if shape.wheel:
                 rims.setdefault(shape.wheel, []).append(mesh)
         return rims
-
-    def _add_tracks(self, film: Film) -> list[tuple[int, Any]]:
-        """Add the tracks of the wheels in pieces that are hidden at first; return each piece with the index of its
-        first visible frame.
-        """
-        ends = np.unique(np.linspace(0, film.t.size - 1, PIECES + 1).astype(int))
-        lifted = film.tracks + np.array([0.0, 0.0, 2e-3])  # 2 mm above the terrain, which would hide the tracks
-        tracks = []
-        for start, end in zip(ends, ends[1:], strict=False):
-            for wheel in range(lifted.shape[1]):
-                # A piece of a track has one colour, the slip at its beginning.
-                points = lifted[start : end + 1, wheel]
-                segments = _page_points(np.stack([points[:-1], points[1:]], axis=1))
-                r, g, b = slip_colour(np.nan if film.slip is None else float(film.slip[start, wheel]))
-                darker = in_bytes((0.8 * r, 0.8 * g, 0.8 * b))
-                name = f"{WORLD}/tracks/{wheel}/{start}"
-                line = self.scene.add_line_segments(name, segments, darker, thickness=0.006, visible=False)
-                tracks.append((start + len(points) - 1, line))
-        return tracks
 
     def _force_arrows(self, frame: int) -> np.ndarray:
         """Return start and end of the force arrows of the W wheels at a frame (W, 2, 3) [m]. Arrows start on the

@@ -72,7 +72,20 @@ def pose_outliers(log: Trace) -> np.ndarray:
     for _ in range(2):
         for name in (channel for channel in JUMPS if channel in log):
             rows = np.flatnonzero(np.isfinite(log[name]) & ~outliers)
-            outliers[rows[_outlier_indices(log.t[rows], log[name][rows], name)]] = True
+            if len(rows) <= 2 * NEIGHBOURS:
+                continue
+            t, values = log.t[rows], log[name][rows]
+            # All angles have the same minimum distance in JUMPS. A step from 180 deg to -180 deg is no outlier.
+            unwrapped = np.unwrap(values) if JUMPS[name] == JUMPS["body_yaw"] else values
+            middle = np.arange(NEIGHBOURS, len(t) - NEIGHBOURS)
+            shifts = [shift for shift in range(-NEIGHBOURS, NEIGHBOURS + 1) if shift]
+            distance = np.array([unwrapped[middle] - unwrapped[middle + shift] for shift in shifts])
+            one_side = (distance > 0).all(axis=0) | (distance < 0).all(axis=0)
+            noise = white_noise_sd(unwrapped)
+            to_neighbours = np.fmin(t[middle + NEIGHBOURS] - t[middle], t[middle] - t[middle - NEIGHBOURS])
+            is_dense = to_neighbours < MAX_NEIGHBOUR_TIME / 2
+            is_far = np.abs(distance).min(axis=0) > max(JUMPS[name], MIN_OUTLIER_SD * noise)
+            outliers[rows[middle[one_side & is_dense & is_far]]] = True
     return outliers
 
 
@@ -102,24 +115,6 @@ def white_noise_sd(values: np.ndarray) -> float:
     deviation = values[1:-1] - (values[:-2] + values[2:]) / 2
     magnitudes = np.abs(deviation[np.isfinite(deviation)])
     return SD_OVER_MEDIAN * float(np.median(magnitudes)) if magnitudes.size else 0.0
-
-
-def _outlier_indices(t: np.ndarray, values: np.ndarray, name: str) -> np.ndarray:
-    """Return the indices of the outliers among the finite values (n,) of one pose channel. `t` holds the times of the
-    values [s].
-    """
-    if len(t) <= 2 * NEIGHBOURS:
-        return np.zeros(0, dtype=int)
-    # All angles have the same minimum distance in JUMPS. A step from 180 deg to -180 deg is no outlier.
-    unwrapped = np.unwrap(values) if JUMPS[name] == JUMPS["body_yaw"] else values
-    middle = np.arange(NEIGHBOURS, len(t) - NEIGHBOURS)
-    shifts = [shift for shift in range(-NEIGHBOURS, NEIGHBOURS + 1) if shift]
-    distance = np.array([unwrapped[middle] - unwrapped[middle + shift] for shift in shifts])
-    one_side = (distance > 0).all(axis=0) | (distance < 0).all(axis=0)
-    noise = white_noise_sd(unwrapped)
-    is_dense = np.fmin(t[middle + NEIGHBOURS] - t[middle], t[middle] - t[middle - NEIGHBOURS]) < MAX_NEIGHBOUR_TIME / 2
-    is_far = np.abs(distance).min(axis=0) > max(JUMPS[name], MIN_OUTLIER_SD * noise)
-    return np.asarray(middle[one_side & is_dense & is_far])
 
 
 class AmbiguousStep(NamedTuple):

@@ -115,20 +115,12 @@ def ground_variability(fitted: Fit) -> GroundVariability | None:
     is_significant = any(row.kind in (SLOPE, SLOPE_OF_RUN) and row.gain > MIN_GAIN for row in learnt)
     if not (is_significant and rms > MAX_SURVEY_ERROR):
         return GroundVariability(learnt, rms, None)
-    return GroundVariability(learnt, rms, _worst_stretch(fitted, slopes))
-
-
-def _worst_stretch(fitted: Fit, slopes: list[np.ndarray]) -> Stretch:
-    """Return the stretch of ground around the largest difference between the slope and the declared slope.
-
-    `slopes` holds, for each run, the slope minus the declared slope in each row [rad] (rows,).
-    """
+    # The stretch lies around the largest difference from the declared slope. It extends on both sides to the rows in
+    # which the difference falls below half of its maximum.
     worst_run = max(range(len(slopes)), key=lambda index: float(np.abs(slopes[index]).max()))
-    slope, run = slopes[worst_run], experiment_of_log(fitted).runs[worst_run]
+    slope, run = slopes[worst_run], experiment.runs[worst_run]
     top = int(np.argmax(np.abs(slope)))
-    # The stretch extends on both sides to the rows where the slope falls below half of its maximum.
-    inside = slope * np.sign(slope[top]) > MAJORITY * abs(slope[top])
-    outside = np.flatnonzero(~inside)
+    outside = np.flatnonzero(~(slope * np.sign(slope[top]) > MAJORITY * abs(slope[top])))
     begin = int(outside[outside < top].max(initial=-1)) + 1
     end = int(outside[outside > top].min(initial=len(slope)))
     path = np.column_stack([fill_gaps(run.commands.place[:, axis])[begin:end] for axis in (0, 1)])
@@ -136,4 +128,4 @@ def _worst_stretch(fitted: Fit, slopes: list[np.ndarray]) -> Stretch:
     facing = np.array([math.cos(run.heading[top]), math.sin(run.heading[top])])
     ends = path[[0, -1]] if (path[-1] - path[0]) @ facing >= 0 else path[[-1, 0]]
     first, last = ((float(x), float(y)) for x, y in ends)
-    return Stretch(run.name, float(slope[begin:end].mean()), first, last)
+    return GroundVariability(learnt, rms, Stretch(run.name, float(slope[begin:end].mean()), first, last))

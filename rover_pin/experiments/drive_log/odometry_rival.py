@@ -93,28 +93,21 @@ def _tables(experiment: DriveExperiment, rover: Rover, channels: Sequence[str], 
 
     `floor` has one value for each feature (channels, 1).
     """
-    # Dividing by the noise gives all features the same weight in the least-squares fit.
+    # The regressors (4, channels, blocks) of a run belong to the four numbers of wheel odometry: 1 - s with the slip s,
+    # the gain g of the yaw rate, and the place x, y of the tracked point. The first two regressors are the features of
+    # distance and of turn for wheels that do not slip. The last two are the derivatives of these features by x and y.
+    # The features are linear in the place, so one small displacement gives the derivative.
+    turns = np.array([[name == HEADING] for name in channels])
     rows = [experiment.channels.index(name) for name in channels]
     tables = []
     for run, observed in zip(experiment.runs, experiment.observed, strict=True):
-        regressors, measured = _regressors(run, rover, channels), observed[rows, : run.observed.shape[1]]
-        tables.append((regressors / floor, measured / floor))
+        own_rows, points = [run.channels.index(name) for name in channels], (0j, POINT_STEP, 1j * POINT_STEP)
+        centre, *displaced = (_odometry(run, rover, point)[own_rows] for point in points)
+        by_place = ((table - centre) / POINT_STEP for table in displaced)
+        regressors = np.array([centre * ~turns, centre * turns, *by_place])
+        # Dividing by the noise gives all features the same weight in the least-squares fit.
+        tables.append((regressors / floor, observed[rows, : run.observed.shape[1]] / floor))
     return tables
-
-
-def _regressors(run: LoggedRun, rover: Rover, names: Sequence[str]) -> np.ndarray:
-    """Return the regressors of a run (4, channels, blocks) for the fit of the four numbers of wheel odometry.
-
-    The four numbers are 1 - s with the slip s, the gain g of the yaw rate, and the place x, y of the tracked point.
-
-    The regressors are the features of distance and of turn for wheels that do not slip, and the derivatives of these
-    features by x and y.
-    """
-    rows = [run.channels.index(name) for name in names]
-    # The features are linear in the place of the tracked point, so one small displacement gives the derivative.
-    centre, *displaced = (_odometry(run, rover, point)[rows] for point in (0j, POINT_STEP, 1j * POINT_STEP))
-    turns = np.array([[name == HEADING] for name in names])
-    return np.array([centre * ~turns, centre * turns, *((table - centre) / POINT_STEP for table in displaced)])
 
 
 def _odometry(run: LoggedRun, rover: Rover, point: complex) -> np.ndarray:

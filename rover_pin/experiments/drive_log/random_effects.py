@@ -91,7 +91,18 @@ def ground_columns(
     knots = [(index, shape) for index, run in enumerate(runs) for shape in shares_of(run, model.rover)]
     grips = replays([(index, Perturbation(grip=GRIP.size * shape)) for index, shape in knots])
     pushed = replays([(index, Perturbation(force=-weight * SLOPE.size * shape)) for index, shape in knots])
-    slopes = [_tilt_replay(runs[index], driven, shape) for (index, shape), driven in zip(knots, pushed, strict=True)]
+    # The sensors of the body also see the additional slope: the pitch directly (nose down is positive), the height by
+    # its sum along the path. A replay that did not start has no channels and stays unchanged.
+    slopes = []
+    for (index, shape), driven in zip(knots, pushed, strict=True):
+        slope, channels = SLOPE.size * shape, dict(driven.channels)
+        if "body_z" in channels:
+            heading = runs[index].heading
+            steps = np.array([np.diff(channels[f"body_{axis}"], prepend=np.nan) for axis in "xy"])
+            ahead = np.nan_to_num(np.cos(heading) * steps[0] + np.sin(heading) * steps[1])
+            channels["body_pitch"] = channels["body_pitch"] - slope
+            channels["body_z"] = channels["body_z"] + np.cumsum(slope * ahead)
+        slopes.append(dataclasses.replace(driven, channels=channels))
     columns = []
     for knot_kind, run_kind, replays_of_kind in ((GRIP, GRIP_OF_RUN, grips), (SLOPE, SLOPE_OF_RUN, slopes)):
         # A run with a single knot needs no effect for the knot, because it equals the effect of the whole run.
@@ -125,26 +136,6 @@ def shares_of(run: LoggedRun, rover: Rover) -> np.ndarray:
         return np.ones((1, len(distance)))
     knots = np.linspace(0.0, distance[-1], count)
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(distance - knots[:, None]) / (knots[1] - knots[0])))
-
-
-def _tilt_replay(run: LoggedRun, replay: Replay, shape: np.ndarray) -> Replay:
-    """Return a replay with the pitch and height that sensors would show on more inclined ground.
-
-    The additional slope along the heading is SLOPE.size times `shape` (rows,). A replay that did not start has no
-    channels and is returned unchanged.
-    """
-    if "body_z" not in replay.channels:
-        return replay
-    # The sensors of the body also see the additional slope: the pitch directly, the height by its sum along the path.
-    slope = SLOPE.size * shape
-    steps = np.array([np.diff(replay.channels[f"body_{axis}"], prepend=np.nan) for axis in "xy"])
-    ahead = np.nan_to_num(np.cos(run.heading) * steps[0] + np.sin(run.heading) * steps[1])
-    channels = {
-        **replay.channels,
-        "body_pitch": replay.channels["body_pitch"] - slope,  # nose down is positive
-        "body_z": replay.channels["body_z"] + np.cumsum(slope * ahead),
-    }
-    return dataclasses.replace(replay, channels=channels)
 
 
 def tracker_columns(

@@ -137,9 +137,30 @@ class Term:
             by_run = (f"{_size(self, row[0])} in {run}" for run, row in zip(self.runs, curve.value, strict=True))
             return f"{action} that differs from run to run: {', '.join(by_run)}"
         if isinstance(basis, Wave):
-            return f"{action} {_describe_wave(self, basis, curve)}"
+            # A sine of the place or of the wheel's angle is shown by its amplitude, which has no sign, and its phase.
+            amplitude, phase = sine(self)
+            size = _size(self, float(np.mean(amplitude)), float(np.max(curve.sd))).lstrip("+")
+            if name == "periodic place":
+                return f"{action} that varies with the place, wavelength {basis.length:.2f} m: amplitude {size}"
+            twice = "twice " if basis.length < 2 * math.pi - 1e-9 else ""
+            first = f"{action} that depends on {twice}the angle of the wheel"
+            if self.argument.per_run:
+                return f"{first}: amplitude {size}, its phase differs from run to run"
+            return f"{first} since the start of the run: amplitude {size}, phase {math.degrees(phase[0]):.0f} deg"
         if isinstance(basis, Hats):
-            return f"{action} {_describe_stretches(self, curve)}"
+            # A piecewise linear function of place or time is shown by the intervals where it clearly differs from its
+            # median. Intervals of all runs compete for the few that are listed.
+            of_place = self.argument.unit == "m"
+            letter, unit, signal = ("x", "m", "the place along x") if of_place else ("t", "s", "the moment")
+            rows: list[int | None] = list(range(len(curve.value))) if self.argument.per_run else [None]
+            located = [(row, stretch) for row in rows for stretch in clear_stretches(curve, row)]
+            located.sort(key=lambda pair: -abs(pair[1].top / pair[1].sd))
+            listed = [
+                f"{_size(self, top, sd)} at {letter} = {low:.2f}..{high:.2f} {unit}"
+                + ("" if row is None else f" in {self.runs[row]}")
+                for row, (low, high, top, sd) in located[:MAX_LISTED_STRETCHES]
+            ]
+            return f"{action} that depends on {signal}: {'; '.join(listed) or 'nowhere clear of 0'}"
         assert isinstance(basis, Polynomial)
         # An error of a reading that depends on the reading itself is an offset and a gain error.
         if self.act.kind == READING and name == "its own value":
@@ -173,22 +194,6 @@ def sine(term: Term) -> tuple[np.ndarray, np.ndarray]:
     # A sin(x + p) = A cos p sin x + A sin p cos x, and `size` holds the two factors.
     pairs = term.size.reshape(-1, 2)
     return np.hypot(*pairs.T), np.arctan2(pairs[:, 1], pairs[:, 0])
-
-
-def _describe_wave(term: Term, basis: Wave, curve: Curve) -> str:
-    """Return a text on a term whose function is a sine of the place or of the wheel's angle, stating its amplitude and
-    phase.
-    """
-    amplitude, phase = sine(term)
-    # An amplitude has no sign.
-    size = _size(term, float(np.mean(amplitude)), float(np.max(curve.sd))).lstrip("+")
-    if term.argument.name == "periodic place":
-        return f"that varies with the place, wavelength {basis.length:.2f} m: amplitude {size}"
-    twice = "twice " if basis.length < 2 * math.pi - 1e-9 else ""
-    first = f"that depends on {twice}the angle of the wheel"
-    if term.argument.per_run:
-        return f"{first}: amplitude {size}, its phase differs from run to run"
-    return f"{first} since the start of the run: amplitude {size}, phase {math.degrees(phase[0]):.0f} deg"
 
 
 class Stretch(NamedTuple):
@@ -231,24 +236,6 @@ def clear_stretches(curve: Curve, row: int | None) -> list[Stretch]:
             low, high = max(curve.at[begin] - half, curve.at[0]), min(curve.at[end - 1] + half, curve.at[-1])
             clear_parts.append(Stretch(low, high, float(value[top]), float(sd[top])))
     return sorted(clear_parts, key=lambda stretch: -abs(stretch.top / stretch.sd))
-
-
-def _describe_stretches(term: Term, curve: Curve) -> str:
-    """Return a text on a term whose function is piecewise linear in place or time.
-
-    The text lists the intervals of clear difference between the function and its median.
-    """
-    # Intervals of all runs compete for the few that are listed.
-    letter, unit, signal = ("x", "m", "the place along x") if term.argument.unit == "m" else ("t", "s", "the moment")
-    rows: list[int | None] = list(range(len(curve.value))) if term.argument.per_run else [None]
-    located = [(row, stretch) for row in rows for stretch in clear_stretches(curve, row)]
-    located.sort(key=lambda pair: -abs(pair[1].top / pair[1].sd))
-    listed = [
-        f"{_size(term, top, sd)} at {letter} = {low:.2f}..{high:.2f} {unit}"
-        + ("" if row is None else f" in {term.runs[row]}")
-        for row, (low, high, top, sd) in located[:MAX_LISTED_STRETCHES]
-    ]
-    return f"that depends on {signal}: {'; '.join(listed) or 'nowhere clear of 0'}"
 
 
 @dataclass(frozen=True, eq=False)

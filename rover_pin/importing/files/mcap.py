@@ -169,24 +169,20 @@ def _unpacked(records: bytes, allowance: Allowance) -> Iterator[tuple[int, bytes
             continue
         packing, at = _text(body, 28)  # after two times, the unpacked size and a sum
         (size,) = struct.unpack_from("<Q", body, at)
-        yield from _records(_unpack_chunk(packing, bytes(body[at + 8 : at + 8 + size]), allowance))
-
-
-def _unpack_chunk(packing: str, packed: bytes, allowance: Allowance) -> bytes:
-    """Return the bytes of a chunk, unpacked by its stated compression. They count towards the limit on unpacked
-    bytes.
-    """
-    if packing == "":
-        return packed
-    try:
-        from lz4.frame import LZ4FrameFile
-        from rosbags.rosbag2.reader import zstd
-    except ImportError as error:
-        raise MissingExtraError(
-            "the MCAP file is packed, and unpacking needs the package rosbags: run pip install 'rosbags>=0.11.6'."
-        ) from error
-    openers: Mapping[str, Any] = {"zstd": zstd.ZstdFile, "lz4": LZ4FrameFile, "bz2": bz2.BZ2File}
-    return unpack_bytes(openers[packing], packed, allowance)
+        content_bytes = bytes(body[at + 8 : at + 8 + size])
+        if packing:
+            try:
+                from lz4.frame import LZ4FrameFile
+                from rosbags.rosbag2.reader import zstd
+            except ImportError as error:
+                raise MissingExtraError(
+                    "the MCAP file is packed, and unpacking needs the package rosbags: run pip install "
+                    "'rosbags>=0.11.6'."
+                ) from error
+            openers: Mapping[str, Any] = {"zstd": zstd.ZstdFile, "lz4": LZ4FrameFile, "bz2": bz2.BZ2File}
+            # Unpacked bytes count towards a limit, because a small file may unpack to any size.
+            content_bytes = unpack_bytes(openers[packing], content_bytes, allowance)
+        yield from _records(content_bytes)
 
 
 def _records(data: bytes, cut: bool = False) -> Iterator[tuple[int, bytes]]:

@@ -163,30 +163,23 @@ class _Image:
         self.numbers, self.pointers, self.loop, self.held = list[str](), list[str](), loop, kernel.struct.n_held
         for target, struct, groups in (("drive", kernel.struct, FIELDS), ("loop", loop.struct, LOOP_FIELDS)):
             for name, form in ((name, form) for _, lines, form in groups for names in lines for name in names.split()):
-                self._write_field(f"p->{target}.{name}", name, getattr(struct, name), form)
-
-    def _write_field(self, target: str, name: str, value: Any, form: str) -> None:
-        """Add the C line that sets one field of a struct to its value, which is a number, a function or a pointer.
-
-        `target` is the C expression of the field, and `form` its C declaration. A NULL pointer needs no line, because
-        the memory is initially 0.
-        """
-        if "*" not in form and "function" not in form:
-            self.numbers.append(f"  {target} = {c_number(value)};")
-        elif name in self.functions and value:
-            self.pointers.append(f"  {target} = {self.functions[name]};")
-        elif name in SIZED_IN_C:
-            self.pointers.append(f"  {target} = {SIZED_IN_C[name]};")
-        elif name == "moving":
-            # An array of pointers: each element is an address in a block of memory.
-            addresses = np.asarray(self.loop.keep[name]).tolist()
-            targets = [
-                place if (place := self._c_address(address)) != NO_ADDRESS else "p->values" for address in addresses
-            ]
-            self.pointers += [f"  p->moving[{i}] = {place};" for i, place in enumerate(targets)]
-            self.pointers.append(f"  {target} = p->moving;")
-        elif (place := self._c_address(value)) != NO_ADDRESS:
-            self.pointers.append(f"  {target} = {place};")
+                # One C line sets a field of the struct to its value, which is a number, a function or a pointer. A NULL
+                # pointer needs no line, because the memory is initially 0.
+                field, value = f"p->{target}.{name}", getattr(struct, name)
+                if "*" not in form and "function" not in form:
+                    self.numbers.append(f"  {field} = {c_number(value)};")
+                elif name in self.functions and value:
+                    self.pointers.append(f"  {field} = {self.functions[name]};")
+                elif name in SIZED_IN_C:
+                    self.pointers.append(f"  {field} = {SIZED_IN_C[name]};")
+                elif name == "moving":
+                    # An array of pointers: each element is an address in a block of memory.
+                    for i, address in enumerate(np.asarray(self.loop.keep[name]).tolist()):
+                        place = self._c_address(address)
+                        self.pointers.append(f"  p->moving[{i}] = {place if place != NO_ADDRESS else 'p->values'};")
+                    self.pointers.append(f"  {field} = p->moving;")
+                elif (place := self._c_address(value)) != NO_ADDRESS:
+                    self.pointers.append(f"  {field} = {place};")
 
     def _c_address(self, address: int | None) -> str:
         """Return the C code of an address within a block of memory, or `NO_ADDRESS` for the address of an empty

@@ -155,7 +155,28 @@ static const double START[] = {{{start}}};
         )  # fmt: skip
         # The value reference 0 is the time, 1 and above are the variables.
         for reference, variable in enumerate(self.variables, 1):
-            variables.append(_variable_element(variable, reference))
+            element = ET.SubElement(
+                variables,
+                "Float64",
+                name=variable.name,
+                valueReference=str(reference),
+                causality=variable.causality,
+                variability="tunable" if variable.causality == "parameter" else "continuous",
+                description=xml_text(variable.description),
+            )
+            if variable.unit:
+                element.set("unit", variable.unit)
+            for name, bound in (("min", variable.low), ("max", variable.high)):
+                if abs(bound) < sys.float_info.max:
+                    element.set(name, repr(bound))
+            # The standard wants a start value for a variable that can be set, and `initial` for one that the unit
+            # computes.
+            if variable.is_settable:
+                element.set("start", " ".join("NaN" if math.isnan(value) else repr(value) for value in variable.start))
+            else:
+                element.set("initial", "calculated")
+            if len(variable.start) > 1:
+                ET.SubElement(element, "Dimension", start=str(len(variable.start)))
         for kind in ("Output", "InitialUnknown"):
             for reference, variable in enumerate(self.variables, 1):
                 if not variable.is_settable:
@@ -195,31 +216,6 @@ def write_unit(unit: FunctionalUnit, path: str | Path) -> Path:
         for name, data in [*((name, text.encode()) for name, text in texts.items()), (binary, library)]:
             archive.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED)
     return replace_file(path, content.getvalue())
-
-
-def _variable_element(variable: Variable, reference: int) -> ET.Element:
-    """Return the XML element that describes a variable, with the number `reference` as its value reference."""
-    entry = ET.Element(
-        "Float64",
-        name=variable.name,
-        valueReference=str(reference),
-        causality=variable.causality,
-        variability="tunable" if variable.causality == "parameter" else "continuous",
-        description=xml_text(variable.description),
-    )
-    if variable.unit:
-        entry.set("unit", variable.unit)
-    for name, bound in (("min", variable.low), ("max", variable.high)):
-        if abs(bound) < sys.float_info.max:
-            entry.set(name, repr(bound))
-    # The standard wants a start value for a variable that can be set, and `initial` for one that the unit computes.
-    if variable.is_settable:
-        entry.set("start", " ".join("NaN" if math.isnan(value) else repr(value) for value in variable.start))
-    else:
-        entry.set("initial", "calculated")
-    if len(variable.start) > 1:
-        ET.SubElement(entry, "Dimension", start=str(len(variable.start)))
-    return entry
 
 
 def _xml_text(root: ET.Element) -> str:

@@ -172,33 +172,26 @@ def _add_body(parent: ET.Element, model: Model, state: DriveState, joint: int, p
     else:
         # A joint without limits has the coordinates cos and sin in Pinocchio, and its angle in MuJoCo.
         places.append(float(q[0]) if len(q) == 1 else float(np.arctan2(q[1], q[0])))
-        _add_hinge(body, model, joint)
+        axis = _axis(pin_model, joint)
+        hinge = ET.SubElement(body, "joint", name=name, type="hinge", axis=_text(axis))
+        mount = next((wheel for wheel in model.built.wheels if wheel.joint == joint), None)
+        if mount is not None:
+            # The joint of a wheel also has the inertia of the motor's rotor. The wheel is drawn as a cylinder, which in
+            # MuJoCo lies along z and is turned to the axis of the wheel.
+            hinge.set("armature", repr(float(model.motor.armature)))
+            turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix()
+            size = _text([float(mount.wheel.r), float(mount.wheel.b) / 2.0])
+            _draw_geom(body, type="cylinder", size=size, quat=_quaternion(turn))
+        else:
+            # Any other joint has its limits, and its body is drawn as capsules to the next joints.
+            at = pin_model.joints[joint].idx_q
+            limits = [pin_model.lowerPositionLimit[at], pin_model.upperPositionLimit[at]]
+            hinge.set("range", _text(limits))
+            ends = [pin_model.jointPlacements[child].translation for child in pin_model.children[joint]]
+            for end in (end for end in ends if np.linalg.norm(end) > 0.0):
+                _draw_geom(body, type="capsule", size="0.01", fromto=_text([0.0, 0.0, 0.0, *end]))
     for child in pin_model.children[joint]:
         _add_body(body, model, state, child, places)
-
-
-def _add_hinge(body: ET.Element, model: Model, joint: int) -> None:
-    """Add a joint to the XML element of its body, and the shape that is drawn for the body: a cylinder for a wheel,
-    capsules to the next joints for another body.
-
-    The joint of a wheel also has the inertia of the motor's rotor, and any other joint has its limits.
-    """
-    pin_model = model.built.model
-    axis = _axis(pin_model, joint)
-    hinge = ET.SubElement(body, "joint", name=pin_model.names[joint], type="hinge", axis=_text(axis))
-    for wheel in model.built.wheels:
-        if wheel.joint == joint:
-            hinge.set("armature", repr(float(model.motor.armature)))
-            # MuJoCo's cylinder lies along z; it is turned to the axis of the wheel.
-            turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix()
-            size = _text([float(wheel.wheel.r), float(wheel.wheel.b) / 2.0])
-            _draw_geom(body, type="cylinder", size=size, quat=_quaternion(turn))
-            return
-    place = pin_model.joints[joint].idx_q
-    hinge.set("range", _text([pin_model.lowerPositionLimit[place], pin_model.upperPositionLimit[place]]))
-    ends = [pin_model.jointPlacements[child].translation for child in pin_model.children[joint]]
-    for end in (end for end in ends if np.linalg.norm(end) > 0.0):
-        _draw_geom(body, type="capsule", size="0.01", fromto=_text([0.0, 0.0, 0.0, *end]))
 
 
 def _axis(pin_model: pin.Model, joint: int) -> np.ndarray:

@@ -209,7 +209,18 @@ def ghosts(verdict: Verdict, log: DriveLog, sides: Sides | None) -> Callable[[],
         return lambda: None
     # The run whose free run by the base model is furthest from the measured path.
     run = max(free, key=lambda free_run: free_run.before).run
-    return partial(_view_section, run, sides.added, _begin_pages(log, sides, run) if find_spec("viser") else None)
+    if find_spec("viser") is None:
+        return partial(_view_section, run, sides.added, None)
+    # Solid: the measured drive. Ghosts: the free runs, orange for the base model and blue with the added effects.
+    model, experiment = sides.before.model, sides.experiment
+    measured = Subject(run, log.run(run), model.rover, model.ground, mesh_folder(log.rover))
+    others = [(free_drive(experiment, model, run, measured, "base model"), "orange")]
+    if sides.added:
+        others.append((free_drive(experiment, sides.after.model, run, measured, "with added effects"), "blue"))
+    # The work begins here; `_view_section` waits for the HTML page when the report needs it.
+    processes = experiment.jobs if isinstance(experiment.jobs, int) else 1
+    pages = results(page_of, [(replace(measured, name=f"{run}, as measured"), others)], processes)
+    return partial(_view_section, run, sides.added, pages)
 
 
 def _view_section(run: str, added: bool, pages: Iterator[str] | None) -> Section | None:
@@ -226,18 +237,6 @@ def _view_section(run: str, added: bool, pages: Iterator[str] | None) -> Section
     return Section(
         "3D view", "drive/ghost.html", {"run": run, "added": added, "page": page, "install": install_command("view")}
     )
-
-
-def _begin_pages(log: DriveLog, sides: Sides, run: str) -> Iterator[str]:
-    """Start making the 3D view of a run, and return an iterator that waits for its HTML page and yields it."""
-    # Solid: the measured drive. Ghosts: the free runs, orange for the base model and blue with the added effects.
-    model, experiment = sides.before.model, sides.experiment
-    measured = Subject(run, log.run(run), model.rover, model.ground, mesh_folder(log.rover))
-    others = [(free_drive(experiment, model, run, measured, "base model"), "orange")]
-    if sides.added:
-        others.append((free_drive(experiment, sides.after.model, run, measured, "with added effects"), "blue"))
-    processes = experiment.jobs if isinstance(experiment.jobs, int) else 1
-    return results(page_of, [(replace(measured, name=f"{run}, as measured"), others)], processes)
 
 
 def free_drive(experiment: DriveExperiment, model: Model, run: str, beside: Subject, name: str) -> Subject:

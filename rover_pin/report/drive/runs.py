@@ -6,7 +6,6 @@ All values are means over half a second, which a fit compares with the model.
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rover_pin.base.encode import figure_text
@@ -113,50 +112,39 @@ def _kind(channel: str) -> str:
 
 def residual_panels(sides: Sides) -> tuple[Figure, ...]:
     """Return figures of the residuals (measured - model) against time, one figure for each of the worst-fitted runs."""
-    return tuple(_residuals(sides, run) for run in worst_runs(sides.before))
-
-
-def _residuals(sides: Sides, run: int) -> Figure:
-    """Return the figure of the residuals of one run against time, with one panel for each channel.
-
-    `run` is the number of the run. Intervals without a comparison of a channel with the model are grey.
-    """
     channels, experiment = telling_channels(sides), sides.experiment
-    figure = Figure(figsize=(4.9, 1.5 * len(channels) + 1.1), layout="constrained")
-    axes = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
-    for axis, row in zip(axes, channels, strict=True):
-        # The unit is chosen by the size of the noise, so that the numbers on the axis are short.
-        noise = float(sides.before.task.noise.floor[row])
-        factor, unit = in_words(experiment.unit(experiment.channels[row]), noise)
-        axis.set_ylabel(f"{figure_text(words_of(experiment.channels[row]))}\n[{unit or '-'}]", fontsize=8.5)
-        _shade_gaps(axis, experiment, run, row)
-        axis.axhspan(-factor * noise, factor * noise, color=NOISE, alpha=0.6, lw=0, label="±1 SD of the noise")
-        axis.axhline(0, color="k", lw=0.7)
-        for fit, (colour, style, label) in zip(sides, LOOKS[: 1 + sides.added], strict=False):
-            times, residual = experiment.runs[run].times, factor * fit.missed[run, row]
-            axis.plot(times, residual[: len(times)], color=colour, ls=style, lw=1.3, label=label)
-    axes[-1].set_xlabel("time [s]")
-    # One legend for all panels; equal labels appear once.
-    handles = {label: handle for axis in axes for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
-    figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=2, frameon=False,
-                  title=figure_text(f"{experiment.runs[run].name}: measured - model"), fontsize=8.5)  # fmt: skip
-    return figure
-
-
-def _shade_gaps(axis: Axes, experiment: DriveExperiment, run: int, row: int) -> None:
-    """Shade the intervals of a run without a comparison of a channel with the model.
-
-    `run` and `row` are the numbers of the run and of the channel in the experiment.
-    """
-    times = experiment.runs[run].times
-    out = ~np.isfinite(experiment.observed[run, row, : len(times)])
-    for number, (start, end) in enumerate(stretches(out)):
-        # A time is the middle of its half second, so the interval begins and ends a quarter of a second outside.
-        ends = times[start] - BLOCK / 2, times[end - 1] + BLOCK / 2
-        axis.axvspan(*ends, color=GREY, alpha=0.25, lw=0, label=None if number else "not compared")
-    axis.set_xlim(times[0] - BLOCK / 2, times[-1] + BLOCK / 2)
-    axis.tick_params(labelsize=8)
-    axis.grid(alpha=0.25)
+    figures = []
+    for run in worst_runs(sides.before):
+        times, name = experiment.runs[run].times, experiment.runs[run].name
+        figure = Figure(figsize=(4.9, 1.5 * len(channels) + 1.1), layout="constrained")
+        axes = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
+        for axis, row in zip(axes, channels, strict=True):
+            # The unit is chosen by the size of the noise, so that the numbers on the axis are short.
+            noise = float(sides.before.task.noise.floor[row])
+            factor, unit = in_words(experiment.unit(experiment.channels[row]), noise)
+            axis.set_ylabel(f"{figure_text(words_of(experiment.channels[row]))}\n[{unit or '-'}]", fontsize=8.5)
+            # Intervals without a comparison of the channel with the model are grey. A time is the middle of its half
+            # second, so the interval begins and ends a quarter of a second outside.
+            out = ~np.isfinite(experiment.observed[run, row, : len(times)])
+            for number, (start, end) in enumerate(stretches(out)):
+                ends = times[start] - BLOCK / 2, times[end - 1] + BLOCK / 2
+                axis.axvspan(*ends, color=GREY, alpha=0.25, lw=0, label=None if number else "not compared")
+            axis.set_xlim(times[0] - BLOCK / 2, times[-1] + BLOCK / 2)
+            axis.tick_params(labelsize=8)
+            axis.grid(alpha=0.25)
+            axis.axhspan(-factor * noise, factor * noise, color=NOISE, alpha=0.6, lw=0, label="±1 SD of the noise")
+            axis.axhline(0, color="k", lw=0.7)
+            for fit, (colour, style, label) in zip(sides, LOOKS[: 1 + sides.added], strict=False):
+                residual = factor * fit.missed[run, row]
+                axis.plot(times, residual[: len(times)], color=colour, ls=style, lw=1.3, label=label)
+        axes[-1].set_xlabel("time [s]")
+        # One legend for all panels; equal labels appear once.
+        labels = (zip(*axis.get_legend_handles_labels(), strict=True) for axis in axes)
+        handles = {label: handle for pairs in labels for handle, label in pairs}
+        figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=2, frameon=False,
+                      title=figure_text(f"{name}: measured - model"), fontsize=8.5)  # fmt: skip
+        figures.append(figure)
+    return tuple(figures)
 
 
 MAX_PARTS, MIN_PART_SIZE = 12, 4

@@ -163,30 +163,24 @@ def residual_panels(data: RigSet, before: FitDiagnostics, after: FitDiagnostics 
     """
     # A line through the levels would join different loads or slip angles.
     line = "" if _loads_were_chosen(data) or np.ptp(data.slip_angle) > 0 else "-"
-    return tuple(_residual_panel(row, channel, before, after, line) for row, channel in enumerate(data.channels))
-
-
-def _residual_panel(
-    row: int, channel: RigChannel, before: FitDiagnostics, after: FitDiagnostics | None, line: str
-) -> Figure:
-    """Return the figure of the residuals of one channel against slip.
-
-    `row` is the number of the channel, and `line` is the style of the line through the slip levels (empty for no line).
-    """
-    figure = Figure(figsize=(PANEL_SIZE[0], 3.1), layout="constrained")
-    axis, (scale, unit) = figure.subplots(), in_words(channel.unit)
-    # The band shows the noise of a single run; the bars show the noise of the mean of a level.
-    noise = scale * float(np.sqrt(np.mean(channel.sd**2)))
-    axis.axhspan(-noise, noise, color=GREY, alpha=0.2, lw=0, label="±1 SD of one run")
-    # Each model has a point for the mean residual of each level.
-    _levels(axis, before, row, scale, (BEFORE, "o", "before", line))
-    if after is not None:
-        _levels(axis, after, row, scale, (AFTER, "s", "after", line))
-    axis.axhline(0, color="k", lw=0.8)
-    axis.set(xlabel="slip ratio S [-]", ylabel=f"{channel.name}:\nmeasured - model [{unit}]")
-    axis.grid(alpha=0.25)
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=8.5)
-    return figure
+    figures = []
+    for row, channel in enumerate(data.channels):
+        figure = Figure(figsize=(PANEL_SIZE[0], 3.1), layout="constrained")
+        axis, (scale, unit) = figure.subplots(), in_words(channel.unit)
+        # The band shows the noise of a single run; the bars show the noise of the mean of a level.
+        noise = scale * float(np.sqrt(np.mean(channel.sd**2)))
+        axis.axhspan(-noise, noise, color=GREY, alpha=0.2, lw=0, label="±1 SD of one run")
+        # Each model has a point for the mean residual of each level.
+        _levels(axis, before, row, scale, (BEFORE, "o", "before", line))
+        if after is not None:
+            _levels(axis, after, row, scale, (AFTER, "s", "after", line))
+        axis.axhline(0, color="k", lw=0.8)
+        axis.set(xlabel="slip ratio S [-]", ylabel=f"{channel.name}:\nmeasured - model [{unit}]")
+        axis.grid(alpha=0.25)
+        labels = axis.get_legend_handles_labels()
+        figure.legend(*labels, loc="outside upper center", ncols=3, frameon=False, fontsize=8.5)
+        figures.append(figure)
+    return tuple(figures)
 
 
 def _levels(axis: Axes, side: FitDiagnostics, row: int, scale: float, style: tuple[str, str, str, str]) -> None:

@@ -182,45 +182,39 @@ def sensitivities(beliefs: Beliefs, named: tuple[str, ...]) -> dict[str, tuple[S
     kinds: dict[str, list[Sensitivity]] = {}
     # The part of a name before a bracket or an @ is the kind of cause, as WeakMotor in WeakMotor[2].
     for name in sorted({*beliefs.included, *beliefs.untried} - set(named)):
-        sensitivity = _sensitivity(beliefs, name)
         rows = kinds.setdefault(re.split(r"[\[@]", name)[0], [])
-        rows += [sensitivity] if sensitivity is not None else []
+        if name in beliefs.untried:
+            rows.append(Sensitivity(name, math.inf, "none", NO_FIT))
+            continue
+        # The size is the most precisely known amplitude, in the most probable hypothesis (combination of causes) that
+        # contains the cause. A cause whose amplitudes are all thresholds has no such size.
+        scored = zip(beliefs.scores, beliefs.hypotheses, strict=True)
+        _, hypothesis = max((row for row in scored if name in row[1].names), key=lambda row: row[0])
+        cause = next(cause for cause in hypothesis.causes if cause.name == name)
+        linear = [number for number in cause.parameters if number.name in cause.amplitudes and not is_threshold(number)]
+        if not linear:
+            continue
+        pairs = [(hypothesis.moments(number.name)[1], number) for number in linear]
+        sd, parameter = min(pairs, key=lambda pair: pair[0])
+        # The prior SD of an effect is SIZE_SD usual sizes. The usual size of an error of the measurement is its prior
+        # SD.
+        share = CLEAR_SDS * sd * (SIZE_SD if cause.owner else 1.0)
+        # `sd` is relative to the prior SD: near 1, the data have not narrowed the prior.
+        if sd > MAX_SD_RATIO:
+            rows.append(Sensitivity(cause.name, share, "none", NO_INFORMATION))
+            continue
+        unit = unit_of(hypothesis, cause, parameter)
+        step, symbol = CLEAR_SDS * sd * parameter.scale, parameter.name.rpartition(".")[2]
+        size = (
+            f"{symbol} off {format_value(parameter.origin, unit)} by {format_value(abs(step), unit)}"
+            if parameter.origin
+            else f"{symbol} = {format_value(step, unit)}"
+        )
+        why = f"detectable only from {two_digits(share)} times its usual size" if share > 1 else ""
+        beyond = "" if parameter.low <= parameter.origin + step <= parameter.high else ", beyond its bounds"
+        rows.append(Sensitivity(cause.name, share, size + beyond, why))
     best = {kind: (min(rows, key=lambda row: row.share), len(rows)) for kind, rows in kinds.items() if rows}
     return dict(sorted(best.items(), key=lambda pair: pair[1][0].share))
-
-
-def _sensitivity(beliefs: Beliefs, name: str) -> Sensitivity | None:
-    """Return the smallest detectable size of the cause `name`; None if all its amplitudes are thresholds.
-
-    The size is the most precisely known amplitude, in the most probable hypothesis (combination of causes) that
-    contains the cause.
-    """
-    if name in beliefs.untried:
-        return Sensitivity(name, math.inf, "none", NO_FIT)
-    # The size comes from the most probable hypothesis that contains the cause.
-    rows = zip(beliefs.scores, beliefs.hypotheses, strict=True)
-    _, hypothesis = max((row for row in rows if name in row[1].names), key=lambda row: row[0])
-    cause = next(cause for cause in hypothesis.causes if cause.name == name)
-    linear = [number for number in cause.parameters if number.name in cause.amplitudes and not is_threshold(number)]
-    if not linear:
-        return None
-    pairs = ((hypothesis.moments(number.name)[1], number) for number in linear)
-    sd, parameter = min(pairs, key=lambda pair: pair[0])
-    # The prior SD of an effect is SIZE_SD usual sizes. The usual size of an error of the measurement is its prior SD.
-    share = CLEAR_SDS * sd * (SIZE_SD if cause.owner else 1.0)
-    # `sd` is relative to the prior SD: near 1, the data have not narrowed the prior.
-    if sd > MAX_SD_RATIO:
-        return Sensitivity(cause.name, share, "none", NO_INFORMATION)
-    unit = unit_of(hypothesis, cause, parameter)
-    step, symbol = CLEAR_SDS * sd * parameter.scale, parameter.name.rpartition(".")[2]
-    size = (
-        f"{symbol} off {format_value(parameter.origin, unit)} by {format_value(abs(step), unit)}"
-        if parameter.origin
-        else f"{symbol} = {format_value(step, unit)}"
-    )
-    why = f"detectable only from {two_digits(share)} times its usual size" if share > 1 else ""
-    beyond = "" if parameter.low <= parameter.origin + step <= parameter.high else ", beyond its bounds"
-    return Sensitivity(cause.name, share, size + beyond, why)
 
 
 def unit_of(hypothesis: Hypothesis, cause: Cause, parameter: Parameter) -> str:

@@ -58,26 +58,20 @@ def parts_table(verdict: Verdict, labels: Labels) -> Table:
     """
     scores, added = verdict.scores, bool(verdict.named)
     if len(scores) > MAX_NAMED or not all(score.levels for score in scores):
-        return _misfit_table(verdict, labels)
+        rows = []
+        for run_score in verdict.runs:
+            cells = (labels.fold(run_score.run), f"{run_score.blocks}", figure(run_score.before, ".2f"))
+            after = (figure(run_score.after, ".2f"), run_score.worded.text) if added else ()
+            # A row is marked if the whole interval of the change is above zero, so that the fold became worse.
+            rows.append(Row((*cells, *after), AWAY * (added and run_score.low > 0)))
+        heads = ("held out", "blocks", *(("before", "after", "change, 95 %") if added else ("chi2 per value",)))
+        return Table(heads, tuple(rows), "All channels together: chi2 per measured value, where 1 is the noise.")
     # One row for each held-out fold, and one column for each channel.
-    heads = ("held out", *(labels.channel(score.name) + ", before to after" * added for score in scores))
+    channels = (labels.channel(score.name) + ", before to after" * added for score in scores)
     pairs = zip(*([_level(level, score, added) for level in score.levels] for score in scores), strict=True)
     names = [level.level for level in scores[0].levels]
-    return Table(heads, tuple(Row((labels.fold(name), *cells)) for name, cells in zip(names, pairs, strict=True)))
-
-
-def _misfit_table(verdict: Verdict, labels: Labels) -> Table:
-    """Return the table of chi2 per measured value, all channels together, in each held-out fold (a run or a slip
-    level).
-    """
-    added, rows = bool(verdict.named), []
-    for run_score in verdict.runs:
-        cells = (labels.fold(run_score.run), f"{run_score.blocks}", figure(run_score.before, ".2f"))
-        after = (figure(run_score.after, ".2f"), run_score.worded.text) if added else ()
-        # A row is marked if the whole interval of the change is above zero, so that the fold became worse.
-        rows.append(Row((*cells, *after), AWAY * (added and run_score.low > 0)))
-    heads = ("held out", "blocks", *(("before", "after", "change, 95 %") if added else ("chi2 per value",)))
-    return Table(heads, tuple(rows), "All channels together: chi2 per measured value, where 1 is the noise.")
+    level_rows = tuple(Row((labels.fold(name), *cells)) for name, cells in zip(names, pairs, strict=True))
+    return Table(("held out", *channels), level_rows)
 
 
 def baseline_table(verdict: Verdict, labels: Labels) -> Table | None:

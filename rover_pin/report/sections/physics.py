@@ -25,31 +25,28 @@ def physics_section(
     """
     if not verdict.effects or verdict.after is None:
         return None
-    effects = [_effect(effect, verdict.after, labels, describe_size) for effect in verdict.effects]
-    return Section("Added effects and their influence", "sections/physics.html", {"effects": effects})
-
-
-def _effect(effect: Any, side: Side, labels: Labels, describe_size: Callable[[Any], str]) -> dict[str, Any]:
-    """Return the content of the section's template for one added effect, by the names of the template's variables.
-
-    These are its title, name, meaning, influence, law, and table of parameters. `side` holds the fit of the model with
-    the added effects.
-    """
-    kind, fitted = type(effect), side.fit
+    fitted = verdict.after.fit
     records = fitted.task.experiment.records(fitted.model)
-    # Two effects of one class may be in the model; the equal effect is taken.
-    owners = [name for name, record in records.items() if type(record) is kind]
-    owner = next((name for name in owners if records[name] == effect), owners[0])
-    sentences = [practical(fitted, owner, labels), describe_size(effect)]
-    paragraphs = [part for part in (inspect.getdoc(kind) or "").split("\n\n") if part.strip()]
-    return {
-        "title": capital(title_of(kind)),
-        "name": owner,
-        "meaning": capital(meaning_of(kind)) + ".",
-        "does": [line for line in sentences if line],
-        "law": paragraphs,
-        "numbers": _numbers(effect, owner, side),
-    }
+    effects = []
+    for effect in verdict.effects:
+        kind = type(effect)
+        # Two effects of one class may be in the model; the equal effect is taken.
+        owners = [name for name, record in records.items() if type(record) is kind]
+        owner = next((name for name in owners if records[name] == effect), owners[0])
+        sentences = [practical(fitted, owner, labels), describe_size(effect)]
+        paragraphs = [part for part in (inspect.getdoc(kind) or "").split("\n\n") if part.strip()]
+        # The keys are the variables of the template.
+        effects.append(
+            {
+                "title": capital(title_of(kind)),
+                "name": owner,
+                "meaning": capital(meaning_of(kind)) + ".",
+                "does": [line for line in sentences if line],
+                "law": paragraphs,
+                "numbers": _numbers(effect, owner, verdict.after),
+            }
+        )
+    return Section("Added effects and their influence", "sections/physics.html", {"effects": effects})
 
 
 def _numbers(effect: Any, owner: str, side: Side) -> Table:

@@ -3,9 +3,8 @@
 import io
 import logging
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from importlib.util import find_spec
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -63,16 +62,6 @@ def reader_faults(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
     digest = digest_of([text, bounded.text(__file__), *readers])
     if is_cached("urdf", digest):
         return
-    faults = list(_compare_readers(tree, text, model))
-    yield from faults
-    if not faults:
-        remember("urdf", digest)
-
-
-def _compare_readers(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
-    """Yield a fault for the first link that Pinocchio and yourdfpy place differently. Several random configurations of
-    the joints are compared.
-    """
     import yourdfpy  # imported here, because the import takes half a second and only a new URDF needs it
 
     # yourdfpy warns of each mimic that follows a fixed joint.
@@ -91,32 +80,25 @@ def _compare_readers(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[st
         for joint in moving:
             if joint.mimic is not None:
                 angles[joint.name] = joint.mimic.multiplier * angles[joint.mimic.joint] + joint.mimic.offset
-        for fault in _differences(tree, model, reference, angles):
-            yield fault
-            return
-
-
-def _differences(tree: UrdfTree, model: pin.Model, reference: Any, angles: Mapping[str, float]) -> Iterator[str]:
-    """Yield a fault for each link that Pinocchio (`model`) and yourdfpy (`reference`) place differently at the joint
-    `angles` [rad].
-    """
-    # Both libraries get the same joint angles.
-    data, v = model.createData(), np.zeros(model.nv)
-    for name, angle in angles.items():
-        v[model.joints[model.getJointId(name)].idx_v] = angle
-    pin.forwardKinematics(model, data, pin.integrate(model, pin.neutral(model), v))
-    reference.update_cfg({name: angle for name, angle in angles.items() if name in reference.actuated_joint_names})
-    # Placements are multiplied joint by joint from the root, because yourdfpy walks the whole chain for each transform
-    # from the root.
-    placements = {tree.roots[0]: np.eye(4)}
-    for joint in tree.outwards():
-        placements[joint.child] = placements[joint.parent] @ reference.get_transform(joint.child, joint.parent)
-    # A joint that does not move keeps its place, so only moving joints can differ.
-    for joint in (moving_joint for moving_joint in tree.joints if moving_joint.moves):
-        ours = data.oMi[model.getJointId(joint.name)].homogeneous
-        distance = float(np.max(np.abs(placements[joint.child] - ours)))
-        if not distance <= PLACEMENT_TOLERANCE:
-            yield (
-                f"Pinocchio and yourdfpy place link '{joint.child}' {distance:.2g} apart; "
-                f"look at the origin and axis of joint '{joint.name}'."
-            )
+        # Both libraries get the same joint angles.
+        data, v = model.createData(), np.zeros(model.nv)
+        for name, angle in angles.items():
+            v[model.joints[model.getJointId(name)].idx_v] = angle
+        pin.forwardKinematics(model, data, pin.integrate(model, pin.neutral(model), v))
+        reference.update_cfg({name: angle for name, angle in angles.items() if name in reference.actuated_joint_names})
+        # Placements are multiplied joint by joint from the root, because yourdfpy walks the whole chain for each
+        # transform from the root.
+        placements = {tree.roots[0]: np.eye(4)}
+        for joint in tree.outwards():
+            placements[joint.child] = placements[joint.parent] @ reference.get_transform(joint.child, joint.parent)
+        # A joint that does not move keeps its place, so only moving joints can differ.
+        for joint in moving:
+            ours = data.oMi[model.getJointId(joint.name)].homogeneous
+            distance = float(np.max(np.abs(placements[joint.child] - ours)))
+            if not distance <= PLACEMENT_TOLERANCE:
+                yield (
+                    f"Pinocchio and yourdfpy place link '{joint.child}' {distance:.2g} apart; "
+                    f"look at the origin and axis of joint '{joint.name}'."
+                )
+                return
+    remember("urdf", digest)

@@ -109,10 +109,25 @@ def _drawings(tree: UrdfTree, joint: Joint) -> tuple[list[str], list[Cylinder]]:
 
     A drawing with a mesh is in neither list, because the mesh may be the tyre, and the cylinder a motor.
     """
+    links, places = {link.name: link for link in tree.links}, tree.placements
+    # Shapes of all links that are fixed to the wheel's link count, seen from the joint.
+    is_placed = joint.child in places
+    group = [name for name in tree.rigid_group(joint.child) if is_placed and name in links and name in places]
+    to_joint = np.linalg.inv(places[joint.child]) if is_placed else np.eye(4)
     agreeing, across = [], []
     for drawn in ("visual", "collision"):
+        # Only a cylinder that is short and centred on the joint's axis may be the wheel.
+        cylinders: list[Cylinder] = []
+        for name in group:
+            for shape in links[name].shapes:
+                if shape.kind != "cylinder" or shape.drawn != drawn or shape.size[1] > MAX_LENGTH * shape.size[0]:
+                    continue
+                placement = to_joint @ places[name] @ shape.placement
+                direction, centre = placement[:3, 2], placement[:3, 3]
+                if np.linalg.norm(np.cross(direction, centre)) <= MAX_OFFSET * shape.size[0]:
+                    cylinders.append(Cylinder(name, drawn, shape.size[0], direction))
         # The largest cylinders are the rim; a hub may be a cylinder across it.
-        cylinders = sorted(_cylinders(tree, joint, drawn), key=lambda cylinder: -cylinder.radius)
+        cylinders.sort(key=lambda cylinder: -cylinder.radius)
         others = {shape.kind for shape in _shapes_of(tree, joint) if shape.drawn == drawn} - {"cylinder", "box"}
         if not cylinders or others:
             continue
@@ -122,25 +137,6 @@ def _drawings(tree: UrdfTree, joint: Joint) -> tuple[list[str], list[Cylinder]]:
         else:
             across.append(rims[0])
     return agreeing, across
-
-
-def _cylinders(tree: UrdfTree, joint: Joint, drawn: str) -> Iterator[Cylinder]:
-    """Yield the cylinders in a drawing ("visual" or "collision") that may be the wheel of a joint: they are centred on
-    the joint's axis and short.
-    """
-    links, places = {link.name: link for link in tree.links}, tree.placements
-    if joint.child not in places:
-        return
-    # Shapes of all links that are fixed to the wheel's link count, seen from the joint.
-    to_joint = np.linalg.inv(places[joint.child])
-    for name in tree.rigid_group(joint.child):
-        for shape in links[name].shapes if name in links and name in places else ():
-            if shape.kind != "cylinder" or shape.drawn != drawn or shape.size[1] > MAX_LENGTH * shape.size[0]:
-                continue
-            placement = to_joint @ places[name] @ shape.placement
-            direction, centre = placement[:3, 2], placement[:3, 3]
-            if np.linalg.norm(np.cross(direction, centre)) <= MAX_OFFSET * shape.size[0]:
-                yield Cylinder(name, drawn, shape.size[0], direction)
 
 
 def _shapes_of(tree: UrdfTree, joint: Joint) -> list[Shape]:

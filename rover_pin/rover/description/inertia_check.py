@@ -74,7 +74,18 @@ def small_parts(tree: UrdfTree) -> set[str]:
         group = [name for name in tree.rigid_group(start) if name in bodies and name in places]
         if not group or any(bodies[name].mass < 0.0 for name in group):
             continue
-        group_body = _together([(bodies[name], places[name]) for name in group])
+        # The group as one body in the axes of the root link: first the total mass and the common centre of mass, then
+        # all inertias about this centre (parallel-axis theorem).
+        parts = [(bodies[name], places[name]) for name in group]
+        mass = sum(body.mass for body, _ in parts)
+        centres = [place[:3, :3] @ body.centre + place[:3, 3] for body, place in parts]
+        weighted = sum(body.mass * centre for (body, _), centre in zip(parts, centres, strict=True))
+        middle = weighted / mass if mass else np.zeros(3)
+        inertia = np.zeros((3, 3))
+        for (body, place), centre in zip(parts, centres, strict=True):
+            axes, off = place[:3, :3] @ body.axes, centre - middle
+            inertia += axes @ body.inertia @ axes.T + body.mass * (off @ off * np.eye(3) - np.outer(off, off))
+        group_body = Body(mass, np.asarray(middle), inertia, np.eye(3))
         if group_body.mass > 0.0 and not list(_body_faults(start, group_body)):
             small_links |= {name for name in group if bodies[name].mass <= MAX_SMALL_PART * group_body.mass}
     return small_links
@@ -85,24 +96,6 @@ def _starts(tree: UrdfTree) -> list[str]:
     move.
     """
     return [*tree.roots, *(joint.child for joint in tree.joints if joint.moves)]
-
-
-def _together(parts: list[tuple[Body, np.ndarray]]) -> Body:
-    """Return several bodies as one body, with the total mass, the common centre of mass and the total inertia, in the
-    axes of the root link (parallel-axis theorem).
-
-    `parts` are the bodies, each with the placement of its link [4, 4].
-    """
-    # Common centre of mass first, then all inertias about it.
-    mass = sum(body.mass for body, _ in parts)
-    centres = [place[:3, :3] @ body.centre + place[:3, 3] for body, place in parts]
-    weighted = sum(body.mass * centre for (body, _), centre in zip(parts, centres, strict=True))
-    middle = weighted / mass if mass else np.zeros(3)
-    inertia = np.zeros((3, 3))
-    for (body, place), centre in zip(parts, centres, strict=True):
-        axes, off = place[:3, :3] @ body.axes, centre - middle
-        inertia += axes @ body.inertia @ axes.T + body.mass * (off @ off * np.eye(3) - np.outer(off, off))
-    return Body(mass, np.asarray(middle), inertia, np.eye(3))
 
 
 def _body_faults(name: str, body: Body) -> Iterator[str]:

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from rover_pin.base.errors import ParameterError, UrdfError, closest
 from rover_pin.base.quantity import refuse_strange, to_si, value_and_unit
-from rover_pin.rover.description.tree import Joint, UrdfTree, read_tree, turn
+from rover_pin.rover.description.tree import UrdfTree, read_tree, turn
 
 ALONG = 0.95
 """Smallest cosine of the angle between an axis and its required direction. It allows 18 deg, because wheels may have
@@ -215,31 +215,28 @@ def _hold_joints(robot: _Robot, forms: JointForms) -> Iterator[str]:
                 values[joint.name] = joint.mimic.multiplier * values[joint.mimic.joint] + joint.mimic.offset
     for name, value in values.items():
         held_joint = tree.joint(name)
-        if held_joint is not None and held_joint.moves:
-            _fix(robot.joints[name], held_joint, value)
+        if held_joint is None or not held_joint.moves:
+            continue
+        # The <origin> of the fixed joint includes its motion to the held value. A floating or planar joint has no
+        # single coordinate, so it is fixed at its origin.
+        element, motion = robot.joints[name], np.eye(4)
+        coordinate = 0.0 if held_joint.kind in ("floating", "planar") else value
+        length = float(np.linalg.norm(held_joint.axis))
+        axis = held_joint.axis / length if length > 0.0 else held_joint.axis
+        if held_joint.kind == "prismatic":
+            motion[:3, 3] = coordinate * axis
+        else:
+            motion[:3, :3] = pin.AngleAxis(coordinate, axis).toRotationMatrix()
+        _set_origin(element, held_joint.origin @ motion)
+        element.set("type", "fixed")
+        # A fixed joint has no limits, no axis and no <mimic>.
+        for tag in MOTION_ELEMENTS:
+            for part in element.findall(tag):
+                element.remove(part)
     if values:
         yield f"{len(values)} joints are held: " + ", ".join(
             f"'{name}' at {value:.3g}" for name, value in values.items()
         )
-
-
-def _fix(element: ET.Element, joint: Joint, value: float) -> None:
-    """Make a joint fixed at an angle [rad] or travel [m]. The `<origin>` of the joint then includes this motion."""
-    # A floating or planar joint has no single coordinate, so that it is fixed at its origin.
-    if joint.kind in ("floating", "planar"):
-        value = 0.0
-    motion, length = np.eye(4), float(np.linalg.norm(joint.axis))
-    axis = joint.axis / length if length > 0.0 else joint.axis
-    if joint.kind == "prismatic":
-        motion[:3, 3] = value * axis
-    else:
-        motion[:3, :3] = pin.AngleAxis(value, axis).toRotationMatrix()
-    _set_origin(element, joint.origin @ motion)
-    element.set("type", "fixed")
-    # A fixed joint has no limits, no axis and no <mimic>.
-    for tag in MOTION_ELEMENTS:
-        for part in element.findall(tag):
-            element.remove(part)
 
 
 def _set_origin(element: ET.Element, placement: np.ndarray) -> None:
@@ -385,29 +382,6 @@ def _follow_one_leader(
         return
     if differential is not None:
         relations.append(Relation(differential[1], differential[0], -1.0))
-    for leader in _leaders(relations, differential, file):
-        for name, ratio in _ratios(leader, relations, file).items():
-            # Each rocker follows its partner only. A rocker may also be missing from the URDF, which is a fault.
-            if name == leader or {name, leader} == set(differential or ()):
-                continue
-            mimic = joints[name].find("mimic")
-            if mimic is None or mimic.get("joint") != leader:
-                _follow(joints[name], leader, ratio)
-                yield f"joint '{name}' follows '{leader}' {ratio:+g} : 1, as the URDF states by a chain of joints."
-        if differential is not None and leader == differential[0]:
-            # The rockers follow no other joint than each other, so that a relation to another joint is removed.
-            for name, partner in (differential, differential[::-1]):
-                mimic = joints[name].find("mimic") if name in joints else None
-                if mimic is not None and mimic.get("joint") != partner:
-                    joints[name].remove(mimic)
-                    yield f"rocker '{name}' leads '{mimic.get('joint')}', where the URDF states the reverse."
-
-
-def _leaders(relations: list[Relation], differential: tuple[str, str] | None, file: str) -> list[str]:
-    """Return the names of the leading joints, one for each group of joints that relations connect.
-
-    Raises UrdfError: all joints of a group follow another joint, so that they form a ring.
-    """
     # A joint that follows no other joint leads its group; the left rocker leads the group of the differential.
     followers = {relation.joint for relation in relations}
     first = [] if differential is None else [differential[0]]
@@ -423,7 +397,22 @@ def _leaders(relations: list[Relation], differential: tuple[str, str] | None, fi
         raise UrdfError(
             f"{file}: joint '{lost[0]}' follows itself in a ring of <mimic>: let one joint of the ring lead."
         )
-    return leaders
+    for leader in leaders:
+        for name, ratio in _ratios(leader, relations, file).items():
+            # Each rocker follows its partner only. A rocker may also be missing from the URDF, which is a fault.
+            if name == leader or {name, leader} == set(differential or ()):
+                continue
+            mimic = joints[name].find("mimic")
+            if mimic is None or mimic.get("joint") != leader:
+                _follow(joints[name], leader, ratio)
+                yield f"joint '{name}' follows '{leader}' {ratio:+g} : 1, as the URDF states by a chain of joints."
+        if differential is not None and leader == differential[0]:
+            # The rockers follow no other joint than each other, so that a relation to another joint is removed.
+            for name, partner in (differential, differential[::-1]):
+                mimic = joints[name].find("mimic") if name in joints else None
+                if mimic is not None and mimic.get("joint") != partner:
+                    joints[name].remove(mimic)
+                    yield f"rocker '{name}' leads '{mimic.get('joint')}', where the URDF states the reverse."
 
 
 def _ratios(leader: str, relations: list[Relation], file: str) -> dict[str, float]:

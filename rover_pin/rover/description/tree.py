@@ -297,8 +297,21 @@ def _link(element: ET.Element, file: str) -> Link:
     inertial = _single(element, "inertial", where)
     body = None if inertial is None else _body(inertial, where)
     centre = np.zeros(3) if body is None else body.centre
-    drawn = [*element.findall("visual"), *element.findall("collision")]
-    shapes = tuple(shape._replace(drawn=geometry.tag) for geometry in drawn for shape in _shapes(geometry, where))
+    shapes: list[Shape] = []
+    for drawing in (*element.findall("visual"), *element.findall("collision")):
+        tag, placement = drawing.tag, _placement(drawing, where)
+        for box in drawing.iter("box"):
+            sides = tuple(_vector(box.get("size", "missing"), f"{where}: box size"))
+            shapes.append(Shape("box", placement, sides, drawn=tag))
+        for sphere in drawing.iter("sphere"):
+            radius = _number(sphere.get("radius", "missing"), f"{where}: sphere radius")
+            shapes.append(Shape("sphere", placement, (radius,), drawn=tag))
+        for cylinder in drawing.iter("cylinder"):
+            size = [_number(cylinder.get(key, "missing"), f"{where}: cylinder {key}") for key in ("radius", "length")]
+            shapes.append(Shape("cylinder", placement, tuple(size), drawn=tag))
+        for mesh in drawing.iter("mesh"):
+            scale = tuple(_vector(mesh.get("scale", "1 1 1"), f"{where}: mesh scale"))
+            shapes.append(Shape("mesh", placement, scale, mesh.get("filename", ""), drawn=tag))
     # An upper bound of the distance of the primitive shapes' points from the centre of mass. The radius of the sphere
     # around a shape is half the diagonal of a box, or of a cylinder's axial section.
     reach = 0.0
@@ -308,7 +321,7 @@ def _link(element: ET.Element, file: str) -> Link:
         half = {"box": math.hypot(*shape.size) / 2.0, "sphere": shape.size[0]}
         radius = half.get(shape.kind, math.hypot(shape.size[0], shape.size[-1] / 2.0))
         reach = max(reach, float(np.linalg.norm(shape.placement[:3, 3] - centre)) + radius)
-    return Link(name, body, reach, shapes)
+    return Link(name, body, reach, tuple(shapes))
 
 
 def _body(inertial: ET.Element, where: str) -> Body:
@@ -323,21 +336,6 @@ def _body(inertial: ET.Element, where: str) -> Body:
     placement = _placement(inertial, where)
     mass_value = _number(mass.get("value", "missing"), f"{where}: mass")
     return Body(mass_value, placement[:3, 3], matrix, placement[:3, :3])
-
-
-def _shapes(element: ET.Element, where: str) -> Iterator[Shape]:
-    """Yield the shapes of a `<visual>` or `<collision>` element; raise UrdfError if a size cannot be read."""
-    placement = _placement(element, where)
-    for box in element.iter("box"):
-        yield Shape("box", placement, tuple(_vector(box.get("size", "missing"), f"{where}: box size")))
-    for sphere in element.iter("sphere"):
-        yield Shape("sphere", placement, (_number(sphere.get("radius", "missing"), f"{where}: sphere radius"),))
-    for cylinder in element.iter("cylinder"):
-        dimensions = [_number(cylinder.get(key, "missing"), f"{where}: cylinder {key}") for key in ("radius", "length")]
-        yield Shape("cylinder", placement, tuple(dimensions))
-    for mesh in element.iter("mesh"):
-        scale = _vector(mesh.get("scale", "1 1 1"), f"{where}: mesh scale")
-        yield Shape("mesh", placement, tuple(scale), mesh.get("filename", ""))
 
 
 def _joint(element: ET.Element, file: str) -> Joint:

@@ -62,9 +62,19 @@ def wheel_size(tree: UrdfTree, joint: Joint, folder: Path, *, drawn_only: bool =
             if points is None:
                 continue
             to_axis = placement @ shape.placement
-            size = _about(points @ to_axis[:3, :3].T + to_axis[:3, 3], joint.axis)
-            if size is not None:
-                candidates.append(WheelSize(*size, f"the {shape.kind} that link '{link.name}' draws"))
+            points = points @ to_axis[:3, :3].T + to_axis[:3, 3]
+            # The spans along two directions across the axis must be nearly equal, and about twice the reach. Otherwise
+            # the shape is no disc, or its centre lies off the axis.
+            axis = joint.axis / np.linalg.norm(joint.axis)
+            along = points @ axis
+            aside = points - np.outer(along, axis)
+            first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+            first /= np.linalg.norm(first)
+            spans = [float(np.ptp(aside @ direction)) for direction in (first, np.cross(axis, first))]
+            reach = float(np.max(np.linalg.norm(aside, axis=1)))
+            if min(spans) > (1.0 - ROUNDNESS_TOLERANCE) * max(spans) and max(spans) > 1.5 * reach:
+                source = f"the {shape.kind} that link '{link.name}' draws"
+                candidates.append(WheelSize(reach, float(np.ptp(along)), source))
     # Shapes of about the largest radius are the rim; smaller shapes are hubs or motors.
     if candidates:
         rim = (1.0 - ROUNDNESS_TOLERANCE) * max(size.r for size in candidates)
@@ -84,24 +94,6 @@ def wheel_size(tree: UrdfTree, joint: Joint, folder: Path, *, drawn_only: bool =
     # The width must be positive, also for a ring, for which the solid cylinder would have none.
     b = math.sqrt(max(12.0 * across / link.body.mass - 3.0 * r**2, (0.2 * r) ** 2))
     return WheelSize(r, b, f"the inertia of link '{link.name}' as a solid cylinder's, which is a poor measure")
-
-
-def _about(points: np.ndarray, axis: np.ndarray) -> tuple[float, float] | None:
-    """Return radius and width [m] of a body that is given by points on its surface [n, 3], about an axis [3] through
-    the origin; None if the body is not round about this axis.
-    """
-    # The spans along two directions across the axis must be nearly equal, and about twice the reach. Otherwise the
-    # shape is no disc, or its centre lies off the axis.
-    unit = axis / np.linalg.norm(axis)
-    along = points @ unit
-    aside = points - np.outer(along, unit)
-    first = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
-    first /= np.linalg.norm(first)
-    spans = [float(np.ptp(aside @ direction)) for direction in (first, np.cross(unit, first))]
-    reach = float(np.max(np.linalg.norm(aside, axis=1)))
-    if not min(spans) > (1.0 - ROUNDNESS_TOLERANCE) * max(spans) or not max(spans) > 1.5 * reach:
-        return None
-    return reach, float(np.ptp(along))
 
 
 def _points(shape: Shape, folder: Path) -> np.ndarray | None:

@@ -92,7 +92,25 @@ def tree_of(model: pin.Model) -> Tree:
     """
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
-    _refuse_unknown_joints(model, data)
+    # The recursion knows a base that moves freely from the world's origin, and revolute joints.
+    remedy = (
+        "The engines of Pinocchio drive such a rover from a DriveState: simulate(model, controller, duration, state, "
+        'engine="pinocchio-crba") or engine="pinocchio-aba".'
+    )
+    base = model.joints[BASE]
+    if (base.nq, base.nv) != (7, 6) or not model.jointPlacements[BASE].isIdentity():
+        raise ParameterError(
+            f"The base '{model.names[BASE]}' is a {base.shortname()}, but the engine \"compiled\" only knows a base "
+            f"that moves freely from the world's origin. {remedy}"
+        )
+    for i in range(BASE + 1, model.njoints):
+        joint = model.joints[i]
+        # A revolute joint has one degree of freedom, and its unit velocity moves no point of its axis.
+        if joint.nv != 1 or pin.getJointJacobian(model, data, i, pin.LOCAL)[:3, joint.idx_v].any():
+            raise ParameterError(
+                f"Joint '{model.names[i]}' is a {joint.shortname()}, but the engine \"compiled\" only knows revolute "
+                f"joints. {remedy}"
+            )
     # For each joint, a rotation matrix (3, 3) that turns the x axis to the joint's axis. If the numbers of the axis are
     # 0, 1 and -1 only, so are those of the matrix, which keeps the generated code short.
     turns = [np.eye(3)] * 2
@@ -119,30 +137,6 @@ def tree_of(model: pin.Model) -> Tree:
         joints.append(Joint(parent, joint.idx_q, joint.idx_v, joint.nq == 2, revolves, tuple(special)))
         parameters += [number for number, kind in zip(numbers, special, strict=True) if kind is None]
     return Tree(tuple(joints), np.array(parameters))
-
-
-def _refuse_unknown_joints(model: pin.Model, data: pin.Data) -> None:
-    """Raise a ParameterError if the recursion does not know the base or a joint of a model. It knows a base that moves
-    freely from the world's origin, and revolute joints. `data` holds the joint Jacobians.
-    """
-    remedy = (
-        "The engines of Pinocchio drive such a rover from a DriveState: simulate(model, controller, duration, state, "
-        'engine="pinocchio-crba") or engine="pinocchio-aba".'
-    )
-    base = model.joints[BASE]
-    if (base.nq, base.nv) != (7, 6) or not model.jointPlacements[BASE].isIdentity():
-        raise ParameterError(
-            f"The base '{model.names[BASE]}' is a {base.shortname()}, but the engine \"compiled\" only knows a base "
-            f"that moves freely from the world's origin. {remedy}"
-        )
-    for i in range(BASE + 1, model.njoints):
-        joint = model.joints[i]
-        # A revolute joint has one degree of freedom, and its unit velocity moves no point of its axis.
-        if joint.nv != 1 or pin.getJointJacobian(model, data, i, pin.LOCAL)[:3, joint.idx_v].any():
-            raise ParameterError(
-                f"Joint '{model.names[i]}' is a {joint.shortname()}, but the engine \"compiled\" only knows revolute "
-                f"joints. {remedy}"
-            )
 
 
 def _axis(model: pin.Model, data: pin.Data, i: int) -> np.ndarray:
@@ -265,11 +259,20 @@ class _RecursivePass:
         inertia, bias = ca.SX(nv, nv), ca.SX(nv, 1)
         for i in range(len(self.joints), BASE, -1):
             bias[self.joints[i].v] = force[i][1][0]
-            self._inertia_column(inertia, i, composite[i])
+            # Column of joint i in the joint-space inertia: the forces on joint i and on all joints that carry it, for a
+            # unit acceleration of joint i about its axis x. They begin as the momentum of the composite body for a unit
+            # rate; the linear part is x cross `first`.
+            mass, first, second = composite[i]
+            column, carrier = self.joints[i].v, i
+            push, moment = ca.vertcat(0, -first[2], first[1]), second[:, 0]
+            while carrier != BASE:
+                inertia[self.joints[carrier].v, column] = moment[0]
+                push, moment = self._force_on_parent(carrier, push, moment)
+                carrier = self.joints[carrier].parent
+            inertia[:3, column], inertia[3:6, column] = push, moment
             parent = self.joints[i].parent
             force[parent] = _add(force[parent], self._force_on_parent(i, *force[i]))
             # The composite inertia in the parent's frame, by the theorem of parallel axes.
-            mass, first, second = composite[i]
             R, P, turned = self.R[i], _cross(self.p[i]), _cross(self.R[i] @ first)
             below = (mass, R @ first + mass * self.p[i], R @ second @ R.T - P @ turned - turned @ P - mass * P @ P)
             composite[parent] = _add(composite[parent], below)
@@ -323,21 +326,6 @@ class _RecursivePass:
         """Convert a force and a moment about the joint of body i to the parent's frame and joint, and return them."""
         below = self.R[i] @ force
         return below, self.R[i] @ moment + ca.cross(self.p[i], below)
-
-    def _inertia_column(self, inertia: ca.SX, i: int, composite: tuple[ca.SX, ...]) -> None:
-        """Write the column of joint i into the joint-space inertia. The column contains the forces on joint i and on
-        all joints that carry it, for a unit acceleration of joint i.
-        """
-        # Momentum of the composite body for a unit rate of joint i about its axis x: the linear part is x cross
-        # `first`.
-        _, first, second = composite
-        column = self.joints[i].v
-        force, moment = ca.vertcat(0, -first[2], first[1]), second[:, 0]
-        while i != BASE:
-            inertia[self.joints[i].v, column] = moment[0]
-            force, moment = self._force_on_parent(i, force, moment)
-            i = self.joints[i].parent
-        inertia[:3, column], inertia[3:6, column] = force, moment
 
 
 class _Numbers(NamedTuple):

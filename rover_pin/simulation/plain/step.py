@@ -139,13 +139,25 @@ class PlainStepper(StepArrays):
             self.soil_Q + motor_Q + spring_Q + push_Q, Slopes(self.soil_D, motor_D, spring_D, push_D)
         )
 
-        # Store the loads that are predicted for the end, the mean loads, and the energy account.
+        # Store the loads that are predicted for the end, and the mean loads.
         self.foreseen[:] = self.end + self.end_slope @ du
         self.mean_loads[:] = self.loads + self.load_slopes @ mean_du
         motor = motor_Q + motor_D * mean_du
         if self.held_rate is not None:
             self.record[:, TORQUE] = motor[[wheel.dof for wheel in self.rover.wheels]]
-        self._account(du, self.soil_Q + self.soil_D @ mean_du, motor, spring_Q + spring_D * du, push_Q + push_D @ du)
+
+        # Each energy of the step is a generalised force, as mean over the step, times the mean speed v + du/2 times dt.
+        # Servos and end stops share one vector of forces; their energies are counted separately.
+        speed = state.v + 0.5 * du
+        soil, springs, push = self.soil_Q + self.soil_D @ mean_du, spring_Q + spring_D * du, push_Q + push_D @ du
+        stops = springs.copy()
+        stops[self.servo_dofs] = 0.0
+        electric = float(np.sum(self.record[:, CURRENT] * self.record[:, SUPPLY] * self.duty))
+        servos = (springs - stops) @ speed
+        self.impulse += self.dt * self.loads[:, :3].sum(axis=0)
+        self.energy += self.dt * np.array(
+            [motor @ speed, -(soil @ speed), -(stops @ speed), -servos, electric, -(push @ speed)]
+        )
 
         # The effects' states, the speeds, and the second half of the configuration's step.
         for index, (gain, slope) in enumerate(contact_steps):
@@ -365,28 +377,3 @@ class PlainStepper(StepArrays):
         force[dofs], slope[np.ix_(dofs, dofs)] = out[:m], out[m : m + m * m].reshape((m, m), order="F")
         self.torque, self.torque_slope[dofs] = float(out[m + m * m]), out[m + m * m + 1 :]
         return force, slope
-
-    def _account(
-        self, du: np.ndarray, soil: np.ndarray, motor: np.ndarray, springs: np.ndarray, push: np.ndarray
-    ) -> None:
-        """Add the energies of the present step to the sums of energies since the start of the drive. Each energy is a
-        generalised force times the mean speed v + du/2 of the step times dt.
-
-        Parameters
-        ----------
-        du : array (nv,)
-            Change of the speeds in the step.
-        soil, motor, springs, push : arrays (nv,)
-            Generalised forces of the soil, the motors, the servos and end stops, and the body effects, as means over
-            the step.
-        """
-        speed = self.state.v + 0.5 * du
-        # Servos and end stops share one vector of forces; their energies are counted separately.
-        stops = springs.copy()
-        stops[self.servo_dofs] = 0.0
-        electric = float(np.sum(self.record[:, CURRENT] * self.record[:, SUPPLY] * self.duty))
-        servos = (springs - stops) @ speed
-        self.impulse += self.dt * self.loads[:, :3].sum(axis=0)
-        self.energy += self.dt * np.array(
-            [motor @ speed, -(soil @ speed), -(stops @ speed), -servos, electric, -(push @ speed)]
-        )

@@ -44,7 +44,22 @@ def excitation_findings(runs: Sequence[RunBlocks], where: str) -> Iterator[Findi
     """
     # Without duties, other manoeuvres matter, and motors cannot be identified at all.
     rate_driven = any(run.trace.rate_driven for run in runs)
-    missing = [*_missing(RATE_DRIVEN, runs)] if rate_driven else [*_missing(DUTY_DRIVEN, runs), *_electric(runs)]
+    missing = [*_missing(RATE_DRIVEN if rate_driven else DUTY_DRIVEN, runs)]
+    if not rate_driven:
+        # Currents and the supply voltage distinguish the effects in the motors.
+        currents = _missing_columns(
+            runs, lambda run: [f"current_{wheel}_A" for wheel in run.trace.wheels], "motor currents are"
+        )
+        if currents:
+            what = (
+                f"{currents} not recorded, so friction of the gear and dead band, a weak motor and its "
+                "tachometer's scale cannot be distinguished, and viscous friction is hidden"
+            )
+            missing.append((what, "record current_WHEEL_A"))
+        supply = _missing_columns(runs, lambda run: ["battery_V"], "battery_V is")
+        if supply:
+            what = f"{supply} not recorded, so sag and run-down of the supply show in the wheel rates only"
+            missing.append((what, "record it"))
     for what, todo in (*missing, *_missing(OF_RUNS, runs)):
         yield Finding(what, where, todo)
 
@@ -171,24 +186,6 @@ def are_replicates(a: RunBlocks, b: RunBlocks) -> bool:
     difference = np.abs(a.duty[:rows] - b.duty[:rows])
     angle = abs(float(np.angle(a.heading[0] * np.conj(b.heading[0]))))
     return bool(np.mean(difference[np.isfinite(difference)] < SAME_DUTY) > 1.0 - MIN_TIME_FRACTION) and angle < 0.5
-
-
-def _electric(runs: Sequence[RunBlocks]) -> Iterator[tuple[str, str]]:
-    """Yield pairs (consequence, remedy) for motor currents and battery voltages that at least one of the runs does not
-    have.
-    """
-    currents = _missing_columns(
-        runs, lambda run: [f"current_{wheel}_A" for wheel in run.trace.wheels], "motor currents are"
-    )
-    if currents:
-        yield (
-            f"{currents} not recorded, so friction of the gear and dead band, a weak motor and its "
-            "tachometer's scale cannot be distinguished, and viscous friction is hidden",
-            "record current_WHEEL_A",
-        )
-    supply = _missing_columns(runs, lambda run: ["battery_V"], "battery_V is")
-    if supply:
-        yield f"{supply} not recorded, so sag and run-down of the supply show in the wheel rates only", "record it"
 
 
 def _missing_columns(runs: Sequence[RunBlocks], columns: Callable[[RunBlocks], list[str]], if_all: str) -> str:

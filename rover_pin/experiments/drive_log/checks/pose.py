@@ -175,7 +175,19 @@ def wrong_pitch(run: RunBlocks, limit: float) -> Remarks:
     along = np.real(run.velocity * np.conj(run.heading))
     pitch = run.mean(run.trace["body_pitch"])
     use = run.steady & np.isfinite(along * pitch) & (np.abs(along) > 0.5 * MIN_SPEED_RATIO * np.abs(run.rim))
-    gains = [_pitch_gain(climb[use], pitch[use]) for climb in _climbs(run, along)]
+    climbs = []
+    if run.finite("body_z").size:
+        climbs.append(np.arctan(run.slope(run.trace["body_z"]) / np.where(along == 0.0, np.nan, along)))
+    if (terrain := run.declared.terrain) is not None:
+        x, y, yaw = (run.trace[f"body_{name}"] for name in ("x", "y", "yaw"))
+        finite = np.isfinite(x + y + yaw)
+        # The rise between the axles divided by their distance is the climb angle of the ground.
+        ahead = 0.5 * run.declared.length * np.exp(1j * yaw[finite])
+        rise = np.full(len(x), np.nan)
+        rise[finite] = terrain.height(x[finite] + ahead.real, y[finite] + ahead.imag)
+        rise[finite] -= terrain.height(x[finite] - ahead.real, y[finite] - ahead.imag)
+        climbs.append(run.mean(np.arctan(rise / run.declared.length)))
+    gains = [_pitch_gain(climb[use], pitch[use]) for climb in climbs]
     if gains and max(gains) < -0.5:
         yield "body_pitch rises where the rover climbs", "multiply it by -1: nose down is positive"
     elif gains and min(gains) > limit:
@@ -203,27 +215,6 @@ def _pitch_gain(climb: np.ndarray, pitch: np.ndarray) -> float:
         is_significant(float(np.corrcoef(a, b)[0, 1]), independent_blocks(a, b), MAX_CHANCE_OF_RUN) for a, b in pairs
     )
     return -covariance / float(np.var(climb, ddof=1)) if is_certain else 0.0
-
-
-def _climbs(run: RunBlocks, along: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield the climb angle [rad] (blocks,) from each source that the log has, for a comparison with the pitch.
-
-    The sources are the tracked height, and the declared terrain under the rear and the front axle. `along` is the
-    forward speed [m/s] (blocks,).
-    """
-    if run.finite("body_z").size:
-        yield np.arctan(run.slope(run.trace["body_z"]) / np.where(along == 0.0, np.nan, along))
-    terrain, length = run.declared.terrain, run.declared.length
-    if terrain is None:
-        return
-    x, y, yaw = (run.trace[f"body_{name}"] for name in ("x", "y", "yaw"))
-    finite = np.isfinite(x + y + yaw)
-    # The rise between the axles divided by their distance is the climb angle of the ground.
-    ahead = 0.5 * length * np.exp(1j * yaw[finite])
-    rise = np.full(len(x), np.nan)
-    rise[finite] = terrain.height(x[finite] + ahead.real, y[finite] + ahead.imag)
-    rise[finite] -= terrain.height(x[finite] - ahead.real, y[finite] - ahead.imag)
-    yield run.mean(np.arctan(rise / length))
 
 
 def unlevel_differential(run: RunBlocks, limit: float) -> Remarks:
