@@ -5,12 +5,14 @@ Question
     the dynamic effect larger, as the paper expects, at the paper's speed and at higher speeds?
 Method
     The drives are: flat, an incline of 6 deg, a bump of sand, a bump of hard ground (0.04 m over 0.3 m), a step of 0.04
-    m down, and the ditch of Fig 10 (walls 30 deg), at duty 0.55, in the torque form. The soil is Table 1, but k = 10 mm
-    in the ditch, where the rover on Table 1 is stuck everywhere. Motor and R are those for 0.05 m/s at S = 0.05 on
-    Earth (R = 0.028; 0.12 with k = 10 mm). With "fixed" angles the load determines the sinkage, and F(S) does not
-    depend on it. With "sinkage" both angles follow Eq 5 at each instant. Sinkage and slip are means over wheels and
-    time after the first 2 s. "lift-off" is the share of wheels and rows without a normal force. "load swing" is the
-    standard deviation of the normal forces over their mean.
+    m down, and the ditch of Fig 10 (walls 30 deg), at duty 0.55. The pull of a wheel is its torque divided by r (the
+    form "torque" of the traction law). The soil is Table 1, but k = 10 mm in the ditch, because with Table 1 the rover
+    is stuck there on Earth, Mars and the Moon. The motor and the motion resistance R (a force as a fraction of the
+    wheel load) give 0.05 m/s at the slip S = 0.05 on Earth: R = 0.028, and 0.12 with k = 10 mm. With "fixed" angles the
+    load determines the sinkage, but the load does not change F(S), the ratio of pull to load. With "sinkage" both
+    angles follow Eq 5 at each instant. Sinkage and slip are means over wheels and time after the first 2 s. "lift-off"
+    is the share of wheels and rows whose normal force is 0. "load swing" is the standard deviation of the normal forces
+    divided by their mean.
     Fast drives: motors geared to 0.05 to 1 m/s on the Earth's flat, a run-up of 4 m, and then the hard bump or a
     washboard of sand (5 waves, 20 mm high, 0.3 m long). The angles follow the sinkage, and the step is 1 ms. The Froude
     number is v^2 / (g 0.3 m) at that speed. Loads are divided by a sixth of the weight. Everything is repeated with
@@ -20,10 +22,10 @@ Result
     little else changes: flat slip is 0.05 everywhere, and all drives arrive within 9 % of the Earth's time (the ditch
     earlier, because the motors have less to pull; the step down 1 % later). With angles that follow the sinkage, Earth
     is unchanged, but the shorter contact mobilises less shear on Mars and the Moon: flat slip is 0.14 on Mars and 0.21
-    on the Moon; the 6 deg incline needs 0.73 and 0.75 instead of 0.52; the bump of sand is passed on Earth only; the
-    ditch takes 24.6 s on Earth, 22.5 s on Mars and 23.8 s on the Moon. No wheel leaves the ground in any of these
-    drives, not even over the step. Loads there swing by 9 to 10 % on Earth and by 15 to 19 % on the Moon (14 to 18 %
-    with half the time step). All times are the same with half the time step.
+    on the Moon; on the 6 deg incline the slip is 0.73 and 0.75 instead of 0.52; the bump of sand is passed on Earth
+    only; the ditch takes 24.6 s on Earth, 22.5 s on Mars and 23.8 s on the Moon. No wheel leaves the ground in any of
+    these drives, not even over the step. Loads there swing by 9 to 10 % on Earth and by 15 to 19 % on the Moon (14 to
+    18 % with half the time step). All times are the same with half the time step.
     Fast drives differ strongly on the Moon. Over the hard bump at 0.2 m/s the loads peak at 1.3, 1.6 and 2.8 times the
     static loads on Earth, Mars and Moon; at 0.5 m/s at 1.6, 2.6 and 4.6, and lunar wheels are in the air for 2 % of the
     time; at 1 m/s at 2.5, 7.3 and 12.3, with wheels in the air for 0, 12 and 29 %, for a maximum of 0.19 s on Mars and
@@ -31,7 +33,8 @@ Result
     below 0.08. Grip builds up slowly too: with the 1 m/s gear, the rover on the Moon reaches 0.68 m/s within 4 m.
     Shares in the air agree within 0.002 with half the time step, peaks within 4 % (10 % with another damping). A third
     or three times the assumed damping of the soil changes the share in the air at 1 m/s from 12 to 20 or 10 % on Mars
-    and from 29 to 49 or 28 % on the Moon, never from none and never to none.
+    and from 29 to 49 or 28 % on the Moon. Neither damping makes wheels leave the ground on Earth, and neither keeps all
+    wheels on the ground on Mars and the Moon.
 What the paper says
     "the gravity is smaller then a rover bounces more dynamically" (section 1); "the smaller gravity environment such as
     on the Moon or the Mars, where the dynamic effect will be much more highlighted" (section 6). It shows no numbers.

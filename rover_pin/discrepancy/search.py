@@ -178,7 +178,8 @@ def is_bent(fitted: Fit) -> bool:
 
 
 def as_declared(fitted: Fit) -> Fit:
-    """Return the fit with every parameter that has a prior moved back to its declared or assumed value.
+    """Return the fit with some fitted values undone: each parameter with a prior has its declared or assumed value
+    again.
 
     Sizes of effects, which have no prior, keep their fitted values. The prediction and its derivatives are computed
     again at these parameter values.

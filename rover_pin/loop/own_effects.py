@@ -51,8 +51,9 @@ def _refuse_unfit(kinds: Mapping[type[AnyEffect], str]) -> None:
     for kind, place in kinds.items():
         if not kind.neutral:
             raise DataError(
-                f"{place}: {kind.__name__} does not declare the values at which it vanishes, so the loop cannot add "
-                'it. Add neutral: ClassVar[dict[str, float]] = {"a": 0.0}, where a is the name of its size.'
+                f"{place}: {kind.__name__} does not declare the values at which the effect vanishes, so the loop "
+                'cannot add it. Add the line neutral: ClassVar[dict[str, float]] = {"a": 0.0} to the class, with the '
+                "quantity that sets the effect's size in place of a."
             )
         # A misspelt name would leave the effect's real size at its default when the loop removes the effect.
         strange = [name for name in kind.neutral if name not in quantities(kind)]

@@ -104,7 +104,7 @@ def slips(values: np.ndarray, name: str, where: str) -> None:
     if MAX_RATIO < abs(farthest) <= 100:
         raise DataError(
             f"{where}: {name} reaches {farthest:g} in row {row + 1}, which looks like percent; give a fraction in "
-            f"[-1, 1]. If the column is a slip over the travel speed, {definition_advice('over-travel-speed')}."
+            f"[-1, 1]. If the slip was divided by the travel speed, {definition_advice('over-travel-speed')}."
         )
     # Values beyond one end of [-1, 1] only show by which speed the difference was divided.
     other = "over-travel-speed" if values.max() > 1.0 and values.min() >= -1.0 else ""

@@ -332,7 +332,10 @@ def _with_slips(table: pd.DataFrame, where: str) -> pd.DataFrame:
         if np.isinf(slip).any():
             row, columns = int(np.argmax(np.isinf(slip))) + 1, " and ".join(SPEEDS)
             advice = "by Eq (1), a locked wheel has slip -1, and a wheel that spins on the spot has slip 1"
-            raise DataError(f"{where}: slip is infinite in row {row}; {advice}. Give this slip, or columns {columns}.")
+            raise DataError(
+                f"{where}: slip is infinite in row {row}; {advice}. Replace the infinite value by -1 or 1, or add the "
+                f"columns {columns}."
+            )
         return table
     travel, rim = (column(table[name], name, where, gaps=True) for name in SPEEDS)
     # Slip refers to the travel along the wheel's plane.

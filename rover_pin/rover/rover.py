@@ -221,8 +221,8 @@ class Rover:
         x, y = math.sin(rise_x), math.sin(rise_y)
         if not (abs(rise_x) < math.pi / 2 and abs(rise_y) < math.pi / 2 and x * x + y * y < 1.0):
             raise ParameterError(
-                f"Level ground cannot rise by {math.degrees(rise_x):g} deg towards +x and {math.degrees(rise_y):g} deg "
-                "towards +y, because no direction would be upwards: give angles well below 90 deg."
+                f"The ground cannot rise by {math.degrees(rise_x):g} deg towards +x and {math.degrees(rise_y):g} deg "
+                "towards +y, because no plane is so steep in both directions: give angles well below 90 deg."
             )
         model = self.model.copy()
         model.gravity.linear = -self.gravity * np.array([x, y, math.sqrt(1.0 - x * x - y * y)])

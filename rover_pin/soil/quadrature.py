@@ -17,11 +17,12 @@ from rover_pin.base.errors import ParameterError
 FAST = 16
 """Number of quadrature nodes over a wheel's contact arc in simulations.
 
-Relative errors of the forces at the contact angles of Table 1: for a driven wheel, 2e-10 at the shear displacement
-modulus k = 50 mm, 3e-9 at 5 mm and 3e-7 at 1 mm. For a braked wheel, whose shear displacement changes sign inside the
-arc, the error is 7e-7 of the normal force f_n at 50 mm, 2e-5 at 5 mm and 4e-4 at 1 mm. Over all parameters of the
-tests, the error is 5e-5 for a driven wheel. For a braked wheel it is 8e-3 of f_n in 99 of 100 cases, and up to 0.06 of
-f_n for extreme parameters (0.035 at k = 1 mm, theta_1 = 69 deg, S = -0.23), where the parts of the torque cancel."""
+At the contact angles of Table 1, the relative error of the forces on a driven wheel is 2e-10 at the shear displacement
+modulus k = 50 mm, 3e-9 at 5 mm and 3e-7 at 1 mm. The shear displacement of a braked wheel changes sign inside the arc;
+its forces have an error of 7e-7 of the normal force f_n at 50 mm, 2e-5 at 5 mm and 4e-4 at 1 mm. Over all parameters of
+the tests, the maximum relative error is 5e-5 for a driven wheel. For a braked wheel, the error is at most 8e-3 of f_n
+in 99 of 100 cases, and at most 0.06 of f_n for extreme parameters (0.035 at k = 1 mm, theta_1 = 69 deg, S = -0.23), for
+which the parts of the torque cancel."""
 
 
 class QuadratureRule(NamedTuple):

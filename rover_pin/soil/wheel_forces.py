@@ -127,7 +127,7 @@ def pressing_force(h: Scalar, wheel: Wheel, soil: Soil) -> Scalar:
 
 
 def paid_for(pull: Scalar, shear: Scalar, S: Scalar) -> Scalar:
-    """Return a wheel's pull f_t [N], limited to the largest pull that the energy of the wheel's torque T allows.
+    """Return a wheel's pull f_t [N], limited so that it does no more work than the wheel's torque T provides.
 
         min(f_t, (1 + min(S, 0)) T / r)
 
@@ -172,8 +172,9 @@ class NetTraction:
     name: ClassVar[str] = "net"
 
     def factor(self, forces: WheelForces, wheel: Wheel, S: Scalar) -> Scalar:
-        """Return the net traction factor f_t / f_n [-], limited to the largest pull that the energy of the wheel's
-        torque allows (`paid_for`).
+        """Return the net traction factor f_t / f_n [-], drawbar pull divided by normal force.
+
+        The pull is limited so that it does no more work than the torque provides (`paid_for`).
         """
         return paid_for(forces.f_t / forces.f_n, forces.torque / (wheel.r * forces.f_n), S)
 
@@ -187,8 +188,9 @@ class TorqueTraction:
     name: ClassVar[str] = "torque"
 
     def factor(self, forces: WheelForces, wheel: Wheel, S: Scalar) -> Scalar:
-        """Return the traction factor of the torque, torque / (r f_n) [-], limited to the largest pull that the energy
-        of this torque allows (`paid_for`).
+        """Return the traction factor T / (r f_n) [-], the motor's torque T divided by wheel radius and normal force.
+
+        The pull T / r is limited so that it does no more work than the torque provides (`paid_for`).
         """
         shear = forces.torque / (wheel.r * forces.f_n)
         return paid_for(shear, shear, S)
@@ -203,8 +205,9 @@ class GrossTraction:
     name: ClassVar[str] = "gross"
 
     def factor(self, forces: WheelForces, wheel: Wheel, S: Scalar) -> Scalar:
-        """Return the gross traction factor thrust / f_n [-], limited to the largest pull that the energy of the wheel's
-        torque allows (`paid_for`).
+        """Return the gross traction factor thrust / f_n [-], thrust divided by normal force.
+
+        The thrust is limited so that it does no more work than the torque provides (`paid_for`).
         """
         return paid_for(forces.thrust / forces.f_n, forces.torque / (wheel.r * forces.f_n), S)
 

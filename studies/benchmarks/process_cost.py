@@ -2,9 +2,10 @@
 
     python studies/benchmarks/process_cost.py [--quick] [--keep] [--against COMMIT]
 
-Times are user and system time of the whole process, the minimum of several runs. Both versions alternate on one core.
-Compiled and checked files, including byte code, are kept from an untimed first run. An older version is taken from the
-repository's history.
+Times are user and system time of the whole process, the minimum of several runs. The present and the earlier version
+alternate on one core.
+Compiled and checked files, including byte code, are kept from an untimed first run. The earlier version is taken from
+the repository's history.
 """
 
 from __future__ import annotations
@@ -38,7 +39,9 @@ COMMANDS = {"--help": (), "drive flat": ("--out", "drive"), "curve": ("--out", "
 
 
 def main() -> None:
-    """Measure every command in both versions, and print the times; with --keep, store them in speed.csv."""
+    """Measure the CPU time of every command, in the present version of the package and in an earlier version, and print
+    the times. With --keep, store the times in speed.csv.
+    """
     parser, measured = reader(__doc__, "two runs of each instead of ten"), {}
     parser.add_argument("--against", default=BEFORE, help=f"the earlier version; {BEFORE} unless given")
     options = parser.parse_args()

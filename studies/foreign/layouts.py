@@ -33,7 +33,8 @@ class Layout(NamedTuple):
     """The drive log's channels, in SI units, that the table contains."""
     habits: dict[str, str]
     clock: tuple[str, ...] = ()
-    """Columns that continue while the rover is at rest."""
+    """Columns of the clock, such as a time or a row counter. While the rover is at rest, these columns continue to
+    increase and all other columns keep their values."""
 
 
 class _Writer:

@@ -41,7 +41,7 @@ def random_drives(
     if not 0.0 <= digging <= 1.0:
         raise ParameterError(f"digging = {digging:g} is not allowed: it is a share of the drives, from 0 to 1.")
     if min(ditches, inclines) < 0:
-        raise ParameterError(f"{ditches} ditches and {inclines} inclines cannot be drawn: give numbers from 0 on.")
+        raise ParameterError(f"{ditches} ditches and {inclines} inclines are not allowed: give numbers of 0 or more.")
     # A second generator for the holes, so that the drives of a seed do not change with `digging`.
     rng, holes = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     drawn = (_drawn(rng, i < ditches, duration, i + 1) for i in range(ditches + inclines))

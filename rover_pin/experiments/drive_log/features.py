@@ -376,11 +376,11 @@ def in_whole_gaps(summed_rows: np.ndarray, missing: np.ndarray) -> np.ndarray:
 
 
 def course_of(columns: Mapping[str, Any]) -> str:
-    """Return a log's formula for the heading from the place, or an empty text if the log measures the heading.
+    """Return the formula by which a log computes the heading from the positions body_x and body_y, or an empty text if
+    the log measures the heading.
 
-    The formula is the entry of body_yaw in the log's table [columns], if it uses body_x and body_y.
-
-    With such a formula, the heading is the direction of travel (the course) and not a measurement.
+    The formula is the entry of body_yaw in the log's table [columns], if this entry uses body_x and body_y. The heading
+    of such a log is the direction of travel (the course) and not a measurement.
     """
     # A heading from other columns, such as a compass, is a measurement.
     entry = columns.get("body_yaw", "")

@@ -63,7 +63,7 @@ class Hats(NamedTuple):
 
     @property
     def grid(self) -> np.ndarray:
-        """Values of the signal at which the function is evaluated for reports: its nodes."""
+        """Values of the signal at which the function is evaluated for reports: the nodes of the function."""
         return np.array(self.nodes)
 
 
@@ -81,12 +81,14 @@ class Wave(NamedTuple):
 
     @property
     def grid(self) -> np.ndarray:
-        """Values of the signal at which the function is evaluated for reports: one period."""
+        """Values of the signal at which the function is evaluated for reports: from 0 to `length`, one period of the
+        function.
+        """
         return np.linspace(0, self.length, GRID_POINTS)
 
 
 Basis = Polynomial | Hats | Wave
-"""Form of a function of a signal: a few basis functions. Each is multiplied by an unknown number."""
+"""Form of a function of a signal: a sum of a few basis functions, each multiplied by an unknown number."""
 Signal = Callable[[Scene, int, Part], np.ndarray]
 """Function that returns a signal in each row of a run (rows,). Its arguments are the fitted model with its runs, the
 index of the run, and a part of an action."""

@@ -84,14 +84,14 @@ class DriveResidual:
 
     @property
     def best(self) -> Term:
-        """The term (an action times a function of a signal) that describes the residual best."""
+        """The term that describes the residual best: a torque, force, grip change or other action of an unknown effect,
+        multiplied by a function of a signal.
+        """
         return self.terms[0]
 
     @property
     def second(self) -> Term:
-        """The second-best term (an action times a function of a signal), as an alternative explanation of the
-        residual.
-        """
+        """The second-best term, as an alternative explanation of the residual; `best` explains what a term is."""
         return self.terms[1]
 
     @property

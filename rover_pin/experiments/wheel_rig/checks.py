@@ -43,7 +43,7 @@ def refuse_unfit(experiment: RigExperiment) -> None:
         if len(data.level_names) < 2:
             raise DataError(
                 f"{data.name}: all runs are of one level of slip ({data.level_names[0]}), so no level can be held out; "
-                "give runs at different slips different levels, or leave the column level out."
+                "give runs at different slips different levels, or delete the column 'level'."
             )
         for channel in data.channels:
             values = channel.measured[channel.has_value]

@@ -26,8 +26,8 @@ from rover_pin.report.words import Labels, capital, full, human, kinds_of, listi
 MAX_CAUSES = 20
 """Maximum number of causes, and of combinations of causes, that the tables list. The most probable ones are listed."""
 ESTIMATED = "estimated, not fitted"
-"""Remark on a combination of causes whose probability comes from a linear estimate of its numbers, and not from a
-fit."""
+"""Remark on a combination of causes without a fit: its probability and the sizes of its causes come from a linear
+estimate."""
 MAX_SD_RATIO = 0.9
 """Largest ratio of the SD of a cause's size after the fit to its SD before the fit (its prior SD). Above this ratio,
 the data contain no information on the size, and no detectable size is stated."""

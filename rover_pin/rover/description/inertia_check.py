@@ -8,16 +8,16 @@ import numpy as np
 from rover_pin.rover.description.tree import Body, UrdfTree
 
 SPAN_LIMITS = (0.02, 20.0)
-"""Smallest and largest distance across all joints of a rover [m]. Outside this range a fault is reported, because
-lengths are probably in other units."""
+"""Smallest and largest diagonal of the box around all joints of a rover [m]. Outside this range a fault is reported,
+because lengths are probably in other units."""
 DENSITIES = (0.1, 5000.0)
-"""Smallest and largest mass of a rover divided by the cube of the distance across all its joints [kg/m^3]. Outside this
-range a fault is reported, because masses are probably in other units."""
+"""Smallest and largest mass of a rover divided by the cube of its size [kg/m^3]. The size is the diagonal of the box
+around all joints. Outside this range a fault is reported, because masses are probably in other units."""
 GYRATION_IN_SHAPE = (0.05, 1.5)
 """Smallest and largest radius of gyration of a link, divided by the largest distance of a point of its shapes from its
 centre of mass. Outside this range a fault is reported, because inertias are probably in other units."""
 GYRATION_IN_ROVER = (0.003, 1.0)
-"""Smallest and largest radius of gyration of a link, divided by the distance across all joints of the rover.
+"""Smallest and largest radius of gyration of a link, divided by the diagonal of the box around all joints of the rover.
 
 The smallest value is used for links without a primitive shape. The largest value is used for all links, because some
 links have only a tiny shape."""
@@ -130,7 +130,7 @@ def unit_faults(tree: UrdfTree, across: float) -> Iterator[str]:
     tree : UrdfTree
         The URDF.
     across : float
-        Distance across all joints at zero angles [m].
+        Diagonal of the box around all joints at zero angles [m].
     """
     # Lengths come first, because the limits of masses and inertias are relative to them.
     low, high = SPAN_LIMITS

@@ -1,8 +1,8 @@
-"""Default motor, default soil and size ratio of a rover whose TOML declares no motor or no soil. They are derived from
-the rover's weight and wheels, and reported as assumed.
+"""Default motor and default soil for a rover whose TOML does not declare its motor or its soil, and the size of a rover
+relative to Nexus 6. The defaults are derived from the rover's weight and wheels, and reported as assumed.
 
-Numbers of Nexus 6, the paper's rover, are never used directly for another rover, but only in the ratios that this
-module states.
+Numbers of Nexus 6, the paper's rover, are never used directly for another rover. They only enter the dimensionless
+ratios that this module states, for example the Froude number.
 """
 
 import math
