@@ -70,7 +70,8 @@ def drive_settings(set_: list[str], **options: Any) -> dict[str, Any]:
 
 
 def soil_and_wheel(set_: list[str], soil: Any, wheel: Any) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the numbers of the soil and of the wheel that the option `--set` states, each by name in SI.
+    """Return two mappings from names to numbers in SI: the numbers of the soil and the numbers of the wheel that the
+    option `--set` states.
 
     A name without a dot, such as `phi`, is a number of the soil. `soil` and `wheel` are the records whose fields can be
     set.

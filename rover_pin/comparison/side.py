@@ -29,7 +29,7 @@ class Value(NamedTuple):
 
 
 class Side(NamedTuple):
-    """One of the two compared results: its label, its properties in words, and its numbers by name."""
+    """One of the two compared results: its label, its properties in words, and its numbers (name -> value)."""
 
     label: str
     words: Mapping[str, str]
@@ -113,7 +113,8 @@ def _note(first: Value, second: Value) -> str:
 
 
 def differences(first: Side, second: Side) -> dict[str, float]:
-    """Return the value in the second result minus the value in the first, by name, for numbers in both results [SI].
+    """Return a mapping from the name of each number that is in both results to its value in the second result minus its
+    value in the first [SI].
 
     The dict omits numbers whose units differ.
     """

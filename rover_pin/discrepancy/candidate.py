@@ -101,7 +101,7 @@ class Candidate:
 
     @property
     def neutral(self) -> dict[str, float]:
-        """Values of the sizes at which the effect vanishes, by name of the parameter."""
+        """Parameter name of each size -> value of the size at which the effect vanishes."""
         return {name: self.effect.neutral[name.rpartition(".")[2]] for name in self.amplitudes}
 
     @property
@@ -193,7 +193,7 @@ def released_candidate(number: Parameter, records: Mapping[str, Any]) -> Candida
     """Return a candidate that frees a parameter of the model: the parameter gets a wide prior, because its declared
     value may be wrong.
 
-    `number` is this parameter, and `records` holds the parts of the model (such as the soil, and the effects) by name.
+    `number` is this parameter, and `records` maps names to the parts of the model, such as the soil and the effects.
     """
     # A freed parameter of an effect also needs the neutral value of its size, which the effect holds.
     owner = number.name.rpartition(".")[0]

@@ -181,8 +181,8 @@ def beyond_noise_text(
 
 
 def beyond_noise(names: Sequence[str], beliefs: Beliefs) -> dict[str, float]:
-    """Return the channels whose residual is too large to be noise: the ratio of the residual to the noise, by name of
-    the channel.
+    """Return the channels whose residual is too large to be noise, as a mapping from the channel's name to the ratio of
+    its residual to its noise.
 
     The residual belongs to the base model with the causes `names`. Only channels with a ratio above MAX_NOISE_RATIO are
     returned.

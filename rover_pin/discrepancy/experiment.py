@@ -84,7 +84,9 @@ class FileExperiment(Experiment, LoopData):
         """
 
     def records(self, model: Parts) -> dict[str, Any]:
-        """Return the parts of a model by name: its records, and its effects under the names of their classes."""
+        """Return a mapping from names to the parts of a model: its records, and its effects under the names of their
+        classes.
+        """
         return {**model.records, **{type(effect).__name__: effect for effect in model.effects}}
 
     def replace_record(self, model: Parts, owner: str, record: Any) -> Parts:

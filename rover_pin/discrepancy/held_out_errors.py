@@ -272,7 +272,7 @@ def together(runs: Sequence[RunScore]) -> tuple[float, float]:
 
 
 def fold_errors(fitted: Fit) -> dict[str, float]:
-    """Return the held-out RMSE of each channel, by name, in the channel's unit.
+    """Return a mapping from the name of each channel to its held-out RMSE, in the channel's unit.
 
     Each fold (group of samples left out together) is predicted by a refit of `fitted` to the other folds.
     """

@@ -61,7 +61,7 @@ def fitted_with(
         The set of causes. The new fit starts from the fit around which the set was estimated, with the added causes at
         their estimated sizes.
     options : mapping
-        The candidates at their best places, by name.
+        Name of each candidate -> the candidate at its best place.
     reuse : bool
         Whether the new fit keeps the derivatives of the prediction from the earlier fit instead of computing them
         again.
@@ -228,7 +228,7 @@ class Search:
     base: Fit
     progress: Progress = lambda message: None
     options: dict[str, Option] = field(default_factory=dict)
-    """candidates at their best places, by name"""
+    """name of each candidate -> the candidate at its best place"""
     fitted: dict[Names, list[LinearHypothesis]] = field(default_factory=dict)
     """hypotheses of each fitted set of causes: first the one without a remaining discrepancy, and after a call of
     `leave` also the one with a discrepancy"""
@@ -240,9 +240,9 @@ class Search:
     parted: set[Names] = field(default_factory=set)
     """sets of causes whose subsets were also fitted, starting from the fit of the whole set"""
     shortfalls: dict[str, float] = field(default_factory=dict)
-    """excess [nats] of estimates with a cause, by name of the cause: the smallest difference between the estimated log
-    evidence and the log evidence of the fit. It is subtracted from further estimates with this cause. The difference
-    arises if the change of the prediction is not proportional to the size of the effect"""
+    """name of a cause -> excess [nats] of estimates with this cause: the smallest difference between the estimated log
+    evidence and the log evidence of the fit. The excess is subtracted from further estimates with this cause. The
+    difference arises if the change of the prediction is not proportional to the size of the effect"""
     lost: set[Names] = field(default_factory=set)
     """sets of causes for which no fit converged"""
 
@@ -343,7 +343,7 @@ class Search:
         """Complete each unfinished fit that may still exceed the best score by more than FIT_MARGIN, and return whether
         there was such a fit.
 
-        A fit may still gain the decrease of its loss that its derivatives predict.
+        In an unfinished fit, the loss may still decrease by the amount that its derivatives predict.
         """
         # A fit with reused derivatives may have stopped early; only fits that can still win are continued.
         best = self.best_score()

@@ -59,7 +59,8 @@ class Signature:
         return next(name for name, value in self.amplitudes.items() if value != self._neutral(name))
 
     def start_numbers(self, u: float) -> dict[str, float]:
-        """Return the initial value of each size of the candidate [SI] in a fit, by name.
+        """Return the initial values of the candidate's sizes in a fit, as a mapping from the name of a size to its
+        value [SI].
 
         `u` is the size that the linear model estimates, in SIZE_SD default sizes. A size that is fitted on a logarithm
         starts from the value at which it was tried, because the linear model does not hold for such a size.

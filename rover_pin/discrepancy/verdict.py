@@ -52,8 +52,8 @@ class Side(NamedTuple):
 
 
 class Alternative(NamedTuple):
-    """Another set of causes that may act instead of the kept causes: its fitted sizes, and its held-out RMSE by name of
-    the channel.
+    """Another set of causes that may act instead of the kept causes: its fitted sizes, and the held-out RMSE of each
+    channel with this set (channel name -> RMSE).
     """
 
     numbers: tuple[Number, ...]
@@ -101,8 +101,8 @@ class Verdict:
     runs: tuple[RunScore, ...] = field(default=(), repr=False)
     """held-out errors of every fold"""
     chosen: dict[str, str] = field(default_factory=dict)
-    """causes that the search for missing effects would choose without the data of one fold, by name of this fold; an
-    empty text for no cause"""
+    """name of a fold -> causes that the search for missing effects would choose without the data of this fold; an empty
+    text for no cause"""
     vetoes: tuple[str, ...] = ()
     """reasons against the name of the added effect, for example a size at its bound"""
     cautions: tuple[str, ...] = ()
@@ -132,7 +132,8 @@ class Verdict:
     """held-out RMSE of each channel, averaged over all fitted hypotheses, if the choice of the causes is also made
     without the held-out fold, not only the fit"""
     others: dict[str, Alternative] = field(default_factory=dict, repr=False)
-    """other sets of causes that the data do not distinguish from the kept causes, by name"""
+    """other sets of causes that the data do not distinguish from the kept causes: names of the causes as one text ->
+    the set"""
     draft: Draft | None = field(default=None, repr=False)
     """effect that the search for missing effects drafted for a residual that no known effect explains, with the result
     of its trial"""
@@ -184,7 +185,7 @@ class Verdict:
         return f"{' + '.join(self.named)} chosen in {self.agreeing_folds} of {len(self.chosen)} folds{among}"
 
     def _errors_text(self, errors: dict[str, float]) -> str:
-        """Return the errors of the channels (by name) as text with units; a channel without a held-out score is
+        """Return errors of channels (channel name -> error) as text with units; a channel without a held-out score is
         omitted.
         """
         units = {score.name: score.unit for score in self.scores}
@@ -299,7 +300,7 @@ def plain(value: Any) -> Any:
 
 
 def _numbers(side: Side | Alternative | None) -> dict[str, Any]:
-    """Return the parameters of a fitted model as plain values by name, for verdict.json; an empty dictionary if there
-    is no such model.
+    """Return the parameters of a fitted model for verdict.json, as a mapping from a parameter's name to plain values;
+    an empty dictionary if there is no such model.
     """
     return {} if side is None else {number.name: number.as_dict() for number in side.numbers}

@@ -24,8 +24,8 @@ class Bulldozing(Effect):
     that the pressure never drives the wheel; u is the small speed `contact.fading`.
 
     Source: Hegedus (1960), in the form of Ishigami, Miwa, Nagatani and Yoshida, J. Field Robotics 24 (2007) 233, who
-    apply it to the sides of a wheel. Differs from the paper: its only resistance is the compaction resistance of the
-    net form.
+    apply it to the sides of a wheel. Differs from the paper: its only resistance is the compaction resistance in the
+    drawbar pull (`NetTraction`).
     """
 
     title: ClassVar[str] = "bulldozing"

@@ -20,14 +20,15 @@ class Grousers(Effect):
     h_s is the height of the lugs, and lambda_s places the shearing radius between rim (0) and lug tip (1). Eq (2) at
     r_s has the shear displacement j = r_s (theta_1 - theta) - (v / omega) (sin theta_1 - sin theta). This equals Eq (2)
     at r with v / (r omega) and k divided by q. The moment of the stress gains one factor q from the lever arm and one
-    from the area. f_t gains (q - 1) times its shear part, torque / r; a braked wheel gains only the part that its
-    torque pays for (`paid_for`). The normal stress stays at r. The recorded slip is the slip at r_s.
+    from the area. f_t increases by (q - 1) times its shear part, torque / r; for a braked wheel, f_t increases only so
+    far that the pull does no more work than the torque provides (`paid_for`). The normal stress stays at r. The
+    recorded slip is the slip at r_s.
 
     If the rim itself has S = 0, the lugs slip by 1 - 1 / q and pull. This holds when r is the radius below the lugs. If
     a test bed states r and slip at the tips of the lugs (`r_over_lugs`), S = 0 holds at the tips, and the shear at half
-    height brakes a little. Two measured wheels of one sand, with and without lugs of 5 mm, decide between the two
-    readings: `tests/experiments/wheel_rig/test_lugs_at_no_slip.py` keeps the values of chi2 with the radius over and
-    under the lugs, and with other values of lambda_s.
+    height brakes a little. Two measured wheels of one sand, with and without lugs of 5 mm, decide between these two
+    meanings of the stated radius: `tests/experiments/wheel_rig/test_lugs_at_no_slip.py` keeps the values of chi2 with
+    the radius over and under the lugs, and with other values of lambda_s.
 
     Source: shearing radius between rim and lug tip, Ding, Gao, Deng, Nagatani and Yoshida, J. Terramechanics 48 (2011)
     27. Differs from the paper: its wheels are smooth. Differs from a model of each lug: no ripple as lugs pass.

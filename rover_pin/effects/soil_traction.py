@@ -22,9 +22,10 @@ class SoilTraction(Effect):
 
     T is the torque of the shear stress. `form` selects the traction factor F (net: Eq 7 / Eq 6; torque: T / (r f_n);
     gross: thrust / f_n). `angles` selects whether F and M are taken at the paper's fixed angles or at the angles of the
-    sinkage. Only the net form with `SinkageAngles` contains the cost of a deeper rut; in the other forms sinking costs
-    nothing except for the resistance that `SlipSinkage` and similar effects add. A braked wheel never pulls more than
-    its torque pays for (`soil.wheel_forces.paid_for`), so that the soil gives no work.
+    sinkage. Only `NetTraction` with `SinkageAngles` contains the resistance of a deeper rut; with the other choices, a
+    deeper sinkage adds no resistance, except for the resistance that `SlipSinkage` and similar effects add. The pull of
+    a braked wheel never does more work than the torque provides (`soil.wheel_forces.paid_for`), so that the soil gives
+    no work.
 
     Source: the paper, sections 3.2 and 3.3. Differs from the paper: nothing with NetTraction and FixedAngles.
     """
@@ -39,7 +40,7 @@ class SoilTraction(Effect):
         """Whether the traction factor F does not fall as a rut deepens, so that the traction law does not contain the
         resistance of a deeper rut.
 
-        This holds for all forms except the net form with angles of the sinkage.
+        This holds for all choices of `form` and `angles` except `NetTraction` with `SinkageAngles`.
         """
         return not (isinstance(self.form, NetTraction) and isinstance(self.angles, SinkageAngles))
 

@@ -118,9 +118,9 @@ def _likeliest(inputs: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 Predict = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 CURVES: dict[str, Predict] = {"mean": mean, "quadratic": quadratic, "Gaussian process": gaussian_process}
-"""Curves without physics, by name. Each is a function of three arrays: the inputs and the measured values of the points
-through which the curve is fitted, and the inputs of the held-out points. It returns the predicted values of the
-held-out points."""
+"""Name -> curve without physics. Each curve is a function of three arrays: the inputs and the measured values of the
+points through which the curve is fitted, and the inputs of the held-out points. The function returns the predicted
+values of the held-out points."""
 
 
 class Baseline(NamedTuple):

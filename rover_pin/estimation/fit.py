@@ -49,8 +49,8 @@ class Fit:
     predicted: np.ndarray = field(repr=False)
     """prediction (folds, channels, samples)"""
     slopes: Mapping[str, np.ndarray] = field(repr=False)
-    """derivatives of the prediction by each parameter, d predicted / d u (folds, channels, samples), by name of the
-    parameter"""
+    """name of a parameter u -> derivatives of the prediction by this parameter, d predicted / d u (folds, channels,
+    samples)"""
 
     @property
     def residual(self) -> np.ndarray:

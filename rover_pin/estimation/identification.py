@@ -32,7 +32,7 @@ class Estimate(NamedTuple):
     data_share: float
     """fraction of the estimate's variance that comes from the noise of the data"""
     prior_shares: Mapping[str, float]
-    """fraction of the estimate's variance that comes from the prior of each parameter, by name of that parameter. The
+    """name of each parameter -> fraction of the estimate's variance that comes from the prior of this parameter. The
     prior of the estimated parameter itself is included, and the largest fraction comes first"""
     remedy: str = ""
     """measurement that would improve the estimate, in words"""
@@ -67,7 +67,7 @@ class Estimate(NamedTuple):
         """Return the estimate as one line of a report: value and interval, followed by "found", or by the names of the
         parameters on whose priors the estimate depends and the measurement that would improve it.
 
-        `others` are all estimates of the identification, by name.
+        `others` maps the name of each parameter of the identification to its estimate.
         """
         if self.data_share >= MAJORITY:
             return f"{self.number.text}{': found' if self.is_found else ''}"
@@ -124,7 +124,8 @@ class Identification:
     """reduced chi-square; 1 means that the residual is noise"""
     channels: tuple[ChannelFit, ...]
     held: Mapping[str, float]
-    """constants of the wheel and the soil that were held at their declared values, not fitted [SI], by name"""
+    """name -> value [SI] of each constant of the wheel or the soil that was held at its declared value and not
+    fitted"""
     elsewhere: tuple[Any, ...] = ()
     """comparisons of fitted constants with independent measurements of these constants"""
     correlation: np.ndarray = field(default_factory=lambda: np.eye(0), repr=False)

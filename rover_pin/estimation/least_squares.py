@@ -103,8 +103,9 @@ class WithDifferences(LeastSquares):
     """The least-squares problem of a fit whose derivatives of the prediction are finite differences.
 
     Finite differences are expensive, so that they are reused until they are no longer good enough. The fit starts with
-    the derivatives `known_slopes` (by name of the parameter). If `reuse` is True, only derivatives that were not given
-    may be computed again. If `stale` is True, the derivatives are computed again at least once before the fit ends.
+    the derivatives `known_slopes` (name of the parameter -> derivatives). If `reuse` is True, only derivatives that
+    were not given may be computed again. If `stale` is True, the derivatives are computed again at least once before
+    the fit ends.
     """
 
     def __init__(

@@ -195,7 +195,7 @@ class OverTime(FileExperiment):
         return rate
 
     def _numbers(self, models: Sequence[Parts]) -> SimpleNamespace:
-        """Return the numbers of all parts and laws by name, for use in the equations of motion.
+        """Return an object whose attributes are the numbers of all parts and laws, for use in the equations of motion.
 
         A number is an array (models, 1) if the models differ in it, and otherwise a single number. If a model does not
         have a law, the numbers of this law have their neutral values, at which the law has no effect.

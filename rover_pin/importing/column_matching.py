@@ -1,9 +1,10 @@
 """Match the columns of a recording to the channels of a drive log, so that clock, positions and wheels agree on one
 motion.
 
-A reading is one interpretation of the columns: which of them are the clock, the position, the heading and the wheel
-rates. `match_columns` lists the possible readings and takes the most probable one if its probability is large enough.
-Otherwise it refuses the recording and asks the user a question. The remaining channels are read afterwards.
+An interpretation of the columns (class `Reading`) states which columns are the clock, the position, the heading and the
+wheel rates. `match_columns` lists the possible interpretations and takes the most probable interpretation if its
+probability is large enough. Otherwise it refuses the recording and asks the user a question. The remaining channels are
+read afterwards.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -272,7 +273,8 @@ def _of_parts(at: Sequence[int], times: Sequence[Clock], options: Options) -> Re
 
 
 def _refuse_open_parts(selection: Selection, times: Sequence[Clock], options: Options, first: Path) -> None:
-    """Raise an error if clock, position, heading or wheel rates of the most probable reading are ambiguous.
+    """Raise an error if clock, position, heading or wheel rates are ambiguous in the most probable interpretation of
+    the columns.
 
     The message states the two most probable interpretations and the option --column that decides. If the user gave all
     columns, nothing is ambiguous.
@@ -317,7 +319,7 @@ def _refuse_open_parts(selection: Selection, times: Sequence[Clock], options: Op
 
 
 def _options_of(reading: Reading, parts: Iterable[str]) -> str:
-    """Return the columns of a reading as options --column NAME='FORMULA', for an error message.
+    """Return the columns of an interpretation as options --column NAME='FORMULA', for an error message.
 
     `parts` states which of clock, place, heading and wheels are written. Each is written with two columns at most.
     """
@@ -335,10 +337,10 @@ def _options_of(reading: Reading, parts: Iterable[str]) -> str:
 
 
 def _disagreeing(files: Mapping[Path, Signals], selection: Selection, options: Options) -> dict[Path, str]:
-    """Return the files to leave out, each with the reason: its columns contradict the common reading, or the rover does
-    not move.
+    """Return the files to leave out, each with the reason: its columns contradict the common interpretation, or the
+    rover does not move.
 
-    The common reading is the interpretation of the columns that fits all files together.
+    The common interpretation of the columns fits all files together.
     """
     _, place, heading, wheel = selection.parts
     travelled = {path: float(np.mean(np.abs(blocks.places[place]))) for path, blocks in files.items()}

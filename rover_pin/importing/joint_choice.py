@@ -1,12 +1,12 @@
 """Find the columns of clock, position, heading and wheel rates of a recording that agree best on one motion of the
 rover.
 
-A reading is one interpretation of the columns. Its probability follows from two relations. First, if the rims of a
-rover run at speed v, the rover travels at the velocity c = dx/dt + i dy/dt = b v exp(i psi), where psi is the heading
-and b is 1 minus the slip. Second, the rover turns at psi' = g (v_right - v_left) / (2 y), where y is half its track and
-g is less than 1 because of scrub. So two pairs of signals must be related by positive factors: c with v exp(i psi), and
-psi' with the difference of the rim speeds. `evidence` has the Bayes factors of these relations. All signals are
-averaged over blocks of rows. Uphill, v / |c| grows, which shows the sign of the height.
+The probability of an interpretation of the columns follows from two relations. First, if the rims of a rover run at
+speed v, the rover travels at the velocity c = dx/dt + i dy/dt = b v exp(i psi), where psi is the heading and b is 1
+minus the slip. Second, the rover turns at psi' = g (v_right - v_left) / (2 y), where y is half its track and g is less
+than 1 because of scrub. So two pairs of signals must be related by positive factors: c with v exp(i psi), and psi' with
+the difference of the rim speeds. `evidence` has the Bayes factors of these relations. All signals are averaged over
+blocks of rows. Uphill, v / |c| grows, which shows the sign of the height.
 """
 
 import math

@@ -116,15 +116,15 @@ class Beliefs:
 
     @property
     def included(self) -> dict[str, float]:
-        """Probability of each cause, by name: that it acts, alone or together with other causes. The largest comes
-        first.
+        """Name of each cause -> probability that the cause acts, alone or together with other causes. The largest
+        probability comes first.
         """
         return self.totals(lambda hypothesis: set(hypothesis.names))
 
     @property
     def families(self) -> dict[str, float]:
-        """Probability of each family of causes, by name: that at least one cause of the family acts. The largest comes
-        first.
+        """Name of each family of causes -> probability that at least one cause of the family acts. The largest
+        probability comes first.
 
         A family is a group of causes with similar effects, such as errors of the declaration. A cause without a family
         counts as a family of one.
@@ -186,7 +186,7 @@ class Beliefs:
         return mean, math.sqrt(float(weights @ (sds**2 + (means - mean) ** 2)))
 
     def noise_taken(self, names: Sequence[str]) -> dict[str, float]:
-        """Return the estimated noise of each channel as a multiple of its declared noise, by name of the channel.
+        """Return a mapping from the name of each channel to the ratio of its estimated noise to its declared noise.
 
         The estimate belongs to the most probable hypothesis with exactly the causes `names`, without its discrepancy. A
         value above 1 means that the residual is larger than the declared noise, and that the excess counts as noise.

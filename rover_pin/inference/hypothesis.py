@@ -108,8 +108,8 @@ class Hypothesis:
 
     is_fitted: ClassVar[bool] = True
     gain_shares: ClassVar[dict[str, float]] = {}
-    """fraction of each cause's gain in evidence that counts, by name of the cause. It is empty here, which means that
-    the whole gain counts, because the covariance already contains all correlations of the errors"""
+    """name of a cause -> fraction of the rise of the log evidence by this cause that counts. The mapping is empty here,
+    which means that the whole rise counts, because the covariance already contains all correlations of the errors"""
 
     @property
     def discrepancy(self) -> Discrepancy:
@@ -118,7 +118,7 @@ class Hypothesis:
 
     @property
     def noise_taken(self) -> dict[str, float]:
-        """Estimated RMS noise of each channel as a multiple of its declared noise, by name of the channel.
+        """Name of a channel -> its estimated RMS noise divided by its declared noise.
 
         The discrepancy and the raised variance of outliers are not part of this noise.
         """

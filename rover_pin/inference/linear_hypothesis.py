@@ -113,7 +113,7 @@ class LinearHypothesis:
 
     @cached_property
     def gain_shares(self) -> dict[str, float]:
-        """Fraction of each cause's gain in log evidence that counts, by name of the cause.
+        """Name of a cause -> fraction of the rise of the log evidence by this cause that counts.
 
         Correlated residuals carry less information than independent ones, so that their likelihood must count as the
         likelihood of fewer residuals. The fraction is the posterior variance of the cause's sizes divided by the
@@ -137,8 +137,8 @@ class LinearHypothesis:
 
     @property
     def noise_taken(self) -> dict[str, float]:
-        """Estimated noise of each channel as a multiple of its declared noise, by name of the channel. If the data
-        declare no noise, it is a multiple of the scatter of the samples.
+        """Name of a channel -> its estimated noise divided by its declared noise. If the data declare no noise, the
+        estimated noise is divided by the scatter of the samples.
         """
         scatter, noise = self.experiment.floor(), self.fit.task.noise
         if self.experiment.noise() is not None or scatter is None:

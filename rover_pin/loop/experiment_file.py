@@ -36,7 +36,7 @@ def offered_experiments() -> dict[str, Offer]:
 
 
 def installed_experiments() -> dict[str, type[FileExperiment]]:
-    """Return the experiment classes of the package and of other installed packages, by name.
+    """Return a mapping from names to the experiment classes of the package and of other installed packages.
 
     Raises DataError if the code of a package cannot be imported, or if it offers no experiment class.
     """

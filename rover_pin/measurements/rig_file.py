@@ -59,8 +59,8 @@ BESIDE = {
     "bulk_density": ExtraNumber("kg/m^3", 100.0, 1e4, "soil"),
     "angle_of_repose": ExtraNumber("rad", 0.0, math.radians(60.0), "soil"),
 }
-"""Numbers of lugs and sand that rig.toml may declare, by name. `experiments.wheel_rig.declared` states which effects
-use them."""
+"""Name -> number of the lugs or the sand that rig.toml may declare. `experiments.wheel_rig.declared` states which
+effects use them."""
 SPEEDS, ANGLE = ("travel_speed_mps", "rim_speed_mps"), "slip_angle_rad"
 """Names of columns: travel speed and rim speed, and the slip angle between the wheel's plane and its travel."""
 OF_SPEEDS = "slips of speeds"
@@ -139,7 +139,7 @@ def number_si(entry: Any, expected: str, where: str) -> float:
 
 
 def declared_constants(table: Mapping[str, Any], where: str) -> dict[str, float]:
-    """Return the soil constants that a table [soil] declares, in SI by name, including Bekker's k_c and k_phi.
+    """Return the soil constants that a table [soil] declares (name -> value in SI), including Bekker's k_c and k_phi.
 
     Raises DataError if an entry has no number, and ParameterError if an entry has an unknown key or unit (see
     `number_si`).
@@ -157,8 +157,8 @@ def declared_constants(table: Mapping[str, Any], where: str) -> dict[str, float]
 
 
 def declared_beside(document: Mapping[str, Any], where: str) -> dict[str, float]:
-    """Return the numbers of lugs and sand that [wheel] and [soil] of rig.toml declare, in SI by name (`BESIDE` lists
-    the names).
+    """Return the numbers of lugs and sand that [wheel] and [soil] of rig.toml declare, as a mapping from the names in
+    `BESIDE` to values in SI.
 
     A wheel with a smooth surface has lugs of height 0. Raises DataError if an entry has no number, or if a number lies
     outside its range.
@@ -355,7 +355,7 @@ logs (`Sampling.wheel_error`)."""
 
 
 def stated_ranges(table: Mapping[str, Any], where: str) -> dict[str, tuple[float, float]]:
-    """Return the ranges (low, high) that rig.toml states for wheel sizes and soil constants, in SI by name.
+    """Return the ranges that rig.toml states for wheel sizes and soil constants: name -> (low, high) in SI.
 
     Only entries that state both ends of a range are returned.
 

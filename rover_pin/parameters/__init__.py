@@ -26,7 +26,7 @@ wheels on dry sand."""
 
 
 class SoilTable(Mapping[str, Soil]):
-    """Soil parameters by name: the soils of the package, then the soils that other installed packages offer.
+    """A mapping from names to soils: the soils of the package, then the soils that other installed packages offer.
 
     An error about an unknown name lists the most similar names. The other packages are looked up only if a name is
     needed that the package itself does not have, or if all names are listed.
@@ -36,7 +36,7 @@ class SoilTable(Mapping[str, Soil]):
         self.own = dict(own)
 
     def offered(self) -> dict[str, Offer]:
-        """Return the soils that other installed packages offer, by name, without importing them."""
+        """Return the offers of other installed packages (soil name -> offer), without importing the soils."""
         return offers(OFFERED_SOILS, tuple(self.own))
 
     def __getitem__(self, name: str) -> Soil:

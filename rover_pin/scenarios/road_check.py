@@ -46,7 +46,7 @@ def road_check(rover: Rover) -> RoadCheck:
     The soil carries the rover if every wheel bears its static load without slip at a sinkage of at most BURIED r, where
     r is the wheel radius. The rover can move if the stall torque of its motors at the usual duty (CRUISE_DUTY) exceeds
     the torque R W r that level ground needs, where W is the load of a wheel and R the motion resistance as a fraction
-    of W. The check takes the torque form of traction with the usual contact angles of the wheel.
+    of W. The check uses the traction factor T / (r f_n) (`TorqueTraction`) with the usual contact angles of the wheel.
 
     Raises ParameterError: the TOML names an unknown soil or motor.
 

@@ -1,4 +1,5 @@
-"""The ready-made scenes by name: each is a terrain with its usual settings, and the duration of a drive on it.
+"""The ready-made scenes, which are found by their names: each is a terrain with its usual settings and the usual
+duration of a drive on this terrain.
 
 `scale_arguments` scales a terrain to the size of a rover.
 """

@@ -55,8 +55,8 @@ def true_inputs(model: Model, run: ReplayInputs) -> dict[str, np.ndarray]:
 
 
 def rates_of(model: Model, channels: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the wheel rates (T, wheels) [rad/s] as one array from channels by name. Wheels that one motor drives
-    together get the mean of their rates (`tied_means`).
+    """Return the wheel rates (T, wheels) [rad/s] as one array. `channels` maps the names of channels to their values
+    (T,). Wheels that one motor drives together get the mean of their rates (`tied_means`).
     """
     return tied_means(model, np.column_stack([channels[f"wheel_rate_{wheel.name}"] for wheel in model.rover.wheels]))
 

@@ -143,9 +143,11 @@ class Improvement:
     (`cost saved`)
     """
     gain_before_tuning: dict[str, Prediction]
-    """the part of `gain` that slip control brings with the gains before the tuning, compared with the control `now`"""
+    """the part of the predicted change `gain` that slip control brings with its controller gains before the tuning,
+    compared with the control `now`"""
     gain_of_tuning: dict[str, Prediction]
-    """the part of `gain` that the tuning brings: the tuned slip control, compared with that before the tuning"""
+    """the part of the predicted change `gain` that the tuning brings: the tuned slip control, compared with slip
+    control before the tuning"""
 
     @property
     def is_certain(self) -> bool:

@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def grounds() -> dict[str, Terrain]:
-    """Return the grounds by name; the first is the ditch of six points."""
+    """Return a mapping from names to grounds. The first ground is the ditch of six points."""
     ditch = scenario("ditch", soil="table-1").model.terrain
     assert isinstance(ditch, Lanes)
     line = ditch.profiles[0]

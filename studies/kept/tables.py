@@ -16,7 +16,8 @@ def calibration(cases: Sequence[tuple[Mapping[str, float], Sequence[str]]]) -> p
     """Return a table that shows whether stated probabilities are right. For each class of probabilities it lists the
     number of probabilities, their mean, and the share of the causes that are true.
 
-    Each case is given by its probabilities by name and its true names.
+    Each case is given by the probabilities of its causes (name of the cause -> probability) and by the names of its
+    true causes.
     """
     pairs = [(probability, name in truth) for chances, truth in cases for name, probability in chances.items()]
     rows = []

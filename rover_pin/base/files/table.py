@@ -337,7 +337,7 @@ def _column(name: str, column: tuple[str, ...], decimal: str) -> tuple[str, np.n
 
 
 class Columns(NamedTuple):
-    """The columns of a table of numbers, by name. An empty cell is NaN."""
+    """The columns of a table of numbers, which are found by their names. An empty cell is NaN."""
 
     path: Path
     values: dict[str, np.ndarray]

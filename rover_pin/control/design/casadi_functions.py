@@ -223,7 +223,7 @@ Quantified = TypeVar("Quantified", bound=Record)
 
 
 def _wheel_law(model: Model, ground: int) -> tuple[Inputs, dict[str, Scalar]]:
-    """Return the inputs of `wheel_function`, and its outputs by name.
+    """Return the inputs of `wheel_function`, and a mapping from the name of each output to its expression.
 
     Raises ParameterError: the model has no soil of the index `ground`.
     """

@@ -204,7 +204,9 @@ class DriveExperiment(Experiment):
         return [self._pad_tables(features[index]) for index in range(len(models))]
 
     def records(self, model: Model) -> dict[str, Any]:
-        """Return the parts of a model that have numbers to fit, by name: "soil", "motor", and each effect."""
+        """Return a mapping from names to the parts of a model that have numbers to fit: "soil", "motor", and each
+        effect.
+        """
         return owners(model)
 
     def replace_record(self, model: Model, owner: str, record: Any) -> Model:

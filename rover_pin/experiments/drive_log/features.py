@@ -93,7 +93,7 @@ class LoggedRun:
     heading: np.ndarray = field(repr=False)
     """logged yaw, smoothed over a block [rad] (rows,)"""
     measured: dict[str, np.ndarray] = field(repr=False)
-    """logged channels in the rows of the replay (rows,), by name"""
+    """channel name -> logged values in the rows of the replay (rows,)"""
     summed_rows: np.ndarray = field(repr=False)
     """mask (rows,) of the rows whose driven distance is added to the decaying sums of path, drift and heading"""
     compared: np.ndarray = field(repr=False)
@@ -277,10 +277,10 @@ def pose_increments(channels: Mapping[str, np.ndarray], heading: np.ndarray) -> 
     Parameters
     ----------
     channels : mapping of str to np.ndarray
-        Channels (rows,) by name: body_x and body_y [m], body_yaw [rad], body_vx and body_vy [m/s]. A feature without
-        its channels is omitted.
+        Channel name -> values (rows,): body_x and body_y [m], body_yaw [rad], body_vx and body_vy [m/s]. A feature
+        without its channels is omitted.
     heading : np.ndarray
-        Direction of PATH and SPEED [rad] (rows,); DRIFT is perpendicular to it, positive to the left.
+        Direction of PATH and SPEED [rad] (rows,); DRIFT is perpendicular to this direction, positive to the left.
     """
     rows = {}
     # The first increment is 0, because `prepend` repeats the first value.

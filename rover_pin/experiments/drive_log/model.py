@@ -1,4 +1,4 @@
-"""The base model of a drive log, its numbers by name, and the priors of its uncertain numbers.
+"""The base model of a drive log, the names of its numbers, and the priors of its uncertain numbers.
 
 `base_model` builds the model that the log declares. `nuisances` returns the numbers that are uncertain even if no
 effect is missing. The name of a number, such as "soil.phi", "motor.gear" or "WeakMotor[2].g", consists of the part of
@@ -209,8 +209,9 @@ def with_spread(model: Model, motors: bool = True) -> Model:
     """Return the model with effects for the differences between its motors and between its tachogenerators, all with
     value 0.
 
-    Each tachogenerator gets a gain, and each motor gets a gain. If `motors` is False, one error of the rolling radius
-    of all wheels replaces the gains of the motors. Effects that the model already has are kept.
+    Each tachogenerator gets a factor on its measured rate, and each motor gets a factor on its torque. If `motors` is
+    False, one error of the rolling radius of all wheels replaces the factors of the motors. Effects that the model
+    already has are kept.
 
     Examples
     --------
@@ -355,7 +356,7 @@ def owner_name(effect: Any) -> str:
 
 
 def owners(model: Model) -> dict[str, Any]:
-    """Return the parts of a model that have numbers, by name: "soil", "motor", and each effect under its
+    """Return a mapping from names to the parts of a model that have numbers: "soil", "motor", and each effect under its
     `owner_name`.
     """
     return {

@@ -25,9 +25,9 @@ from rover_pin.simulation.logged_inputs import fill_gaps
 from rover_pin.simulation.model.effect_source import DraftedEffect
 
 MIN_NET_GAIN = 20.0
-"""Minimum net gain of the best description of a residual that is more than noise. With a smaller gain, the residual
-counts as noise. The net gain is the decrease of chi2 by the description, minus the decrease that chance gives. For
-models that lack nothing, it stays clearly below this value."""
+"""Minimum net decrease of chi2 by the best description of a residual. With a smaller net decrease, the residual counts
+as noise. The net decrease is the decrease of chi2 by the description, minus the decrease that chance gives. For models
+that lack nothing, the net decrease stays clearly below this value."""
 WORST_BLOCKS = 4
 """Number of successive half-second blocks over which the residual is summed, to find where it is largest."""
 
@@ -71,7 +71,7 @@ class DriveChannelResidual(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DriveResidual:
-    """Residual of a fitted drive model: its size for each channel, and the terms that describe it.
+    """Residual of a fitted drive model: the RMS residual of each channel, and the terms that describe the residual.
 
     A term is an action (such as a torque on one wheel) times a function of one signal.
     """
@@ -96,14 +96,14 @@ class DriveResidual:
 
     @property
     def is_noise(self) -> bool:
-        """Whether the residual is noise, that is, whether its best description gains no more than for a model that
-        lacks nothing.
+        """Whether the residual is noise: its best description decreases chi2 no more than the best description does for
+        a model that lacks nothing.
         """
         return self.best.strength < MIN_NET_GAIN
 
     @property
     def description(self) -> str:
-        """The two best terms with their net gains, as sentences for the report."""
+        """The two best terms with their net decreases of chi2, as sentences for the report."""
         if self.is_noise:
             return f"No term describes the remaining residual (net gain {self.best.strength:.0f})."
         sand_note = ", no more than newly prepared sand differs by" if self.best.is_raking else ""
@@ -201,7 +201,8 @@ def signals(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def draft_term(fit: Fit, residual: DriveResidual, name: str, progress: Progress) -> Draft | None:
-    """Draft an effect that imitates the residual of a fit, fit it together with the model, and return it with its gain.
+    """Draft an effect that imitates the residual of a fit, fit it together with the model, and return it with the
+    improvement of the fit.
 
     The result is None if no description of the residual can become a drafted effect.
 

@@ -208,7 +208,7 @@ def known_heights(rig: RigSet, records: Mapping[str, Any]) -> Iterator[Parameter
 
     The height is uncertain because the pockets between lugs may be partly empty or heaped. The trench depends only on
     the product h_l E of the lug height h_l and the filled fraction E, so h_l gets the relative uncertainty `FULL_BY` of
-    E. `records` holds the parts of the model by name. If the model has no digging lugs, nothing is yielded.
+    E. `records` maps names to the parts of the model. If the model has no digging lugs, nothing is yielded.
     """
     owner = TRENCH.partition(".")[0]
     if owner in records and known_trench(rig):

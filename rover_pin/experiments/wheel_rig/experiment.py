@@ -199,7 +199,7 @@ class RigExperiment(Differentiable):
         return replace(rigs[-1], beside=beside)
 
     def records(self, model: RigModel | JointModel) -> Mapping[str, Any]:
-        """Return the parts of a model that have numbers to fit, by name.
+        """Return a mapping from names to the parts of a model that have numbers to fit.
 
         The parts are the soil, the effects, and the wheel and the reading errors of each data set.
         """

@@ -60,7 +60,7 @@ class JointModel:
 
     @property
     def records(self) -> dict[str, Any]:
-        """The parts of the model that have numbers to fit, by name.
+        """Mapping from names to the parts of the model that have numbers to fit.
 
         The names are "soil", the class name of each effect, and `set.wheel` and `set.rig` for each data set.
         """

@@ -121,7 +121,7 @@ class RigModel:
 
     @property
     def records(self) -> dict[str, Any]:
-        """The parts of the model that have numbers to fit, by name.
+        """Mapping from names to the parts of the model that have numbers to fit.
 
         The names are "wheel", "soil", "rig" for the reading errors, and the class name of each effect.
         """

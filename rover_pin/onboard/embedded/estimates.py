@@ -128,7 +128,7 @@ def struct_of_fixed_size(name: str, fields: Sequence[Any], lengths: Mapping[str,
     fields : sequence
         Fields of the struct, in the form of `belief.FIELDS`.
     lengths : mapping
-        Length of each array, by its name. An array without a length becomes a pointer to a constant table.
+        Name of each array -> its length. An array without a length becomes a pointer to a constant table.
     """
     # The C types of the package become those of the exported header; a field with a star is an array.
     lines = ["typedef struct {"]

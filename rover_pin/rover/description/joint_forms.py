@@ -69,7 +69,7 @@ class _Robot:
 
     @property
     def joints(self) -> dict[str, ET.Element]:
-        """Return the `<joint>` elements by name."""
+        """Return a mapping from the name of each joint to its `<joint>` element."""
         return {str(joint.get("name")): joint for joint in self.element.findall("joint")}
 
     @property
