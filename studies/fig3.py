@@ -1,16 +1,19 @@
-"""Fig 3: the load-traction factor against slip for various k, in the three forms of the factor.
+"""Fig 3: the load-traction factor against slip for various k, with three definitions of the factor.
 
 Question
     Which family of curves do Eqs (2)-(7) give "by changing S and k, while holding other parameters constant at c =
     0.005 N/m^2, phi = 30 deg, theta_1 = 35 deg, theta_2 = -5 deg"?
 Method
-    `load_traction_factor` for r = 45 mm and the missing n = 1 (assumed), in the net, torque and gross form.
+    `load_traction_factor` for r = 45 mm and the missing n = 1 (assumed), with three definitions of the traction factor:
+    net (drawbar pull / normal force f_n), torque (T / (r f_n), with the wheel torque T) and gross (thrust / f_n).
 Result
-    All three forms give a family over k, and all rise with S. The net form, F = f_t / f_n as printed, is negative for
-    Table 1's k = 0.05 m until S = 0.99, because theta_1 = 35 deg makes the compaction resistance large, and at r / k =
-    0.9 the shear is not fully developed. The torque form, T / (r f_n), goes from 0.018 to 0.182.
+    With each definition, the curves of all k form a family, and all curves rise with S. The net factor, F = f_t / f_n
+    as printed, is negative for Table 1's k = 0.05 m until S = 0.99, because theta_1 = 35 deg makes the compaction
+    resistance large, and at r / k = 0.9 the shear is not fully developed. For this k, the torque factor T / (r f_n)
+    goes from 0.018 to 0.182.
 What the paper says
-    "the vertical axis indicates the ratio of the traction force (drawbar pull) and normal force": the net form.
+    "the vertical axis indicates the ratio of the traction force (drawbar pull) and normal force", which is the net
+    factor.
 What differs
     The curves of the paper are not available as numbers; only its words are compared (see tests/paper).
 

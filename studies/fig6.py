@@ -5,18 +5,21 @@ Question
     describe it: does it rise with the slip, give traction at S = 1, let the rover travel with a slip near 0, and hold
     the rover up to 12 deg?
 Method
-    `load_traction_factor` with Table 1, r = 45 mm, in the net, torque and gross form. The paper does not state n, so
-    0.5 to 2 is shown as a band around n = 1. The literature's sand of section 4.1 is shown for comparison.
+    `load_traction_factor` with Table 1, r = 45 mm, with three definitions of the traction factor: net (drawbar pull /
+    normal force f_n), torque (T / (r f_n), with the wheel torque T) and gross (thrust / f_n). The paper does not state
+    n, so 0.5 to 2 is shown as a band around n = 1. The literature's sand of section 4.1 is shown for comparison.
 Result
-    Net: -0.164 to +0.001, no traction below S = 0.99. Torque: 0.018 to 0.182 (10.3 deg). Gross: 0.017 to 0.179 (10.2
-    deg). With the literature's phi = 32 deg and k = 25 mm the torque form reaches 0.319.
+    From S = 0 to S = 1 the net factor goes from -0.164 to +0.001, so that there is no traction below S = 0.99. The
+    torque factor goes from 0.018 to 0.182 (a slope of 10.3 deg), the gross factor from 0.017 to 0.179 (10.2 deg). With
+    the literature's phi = 32 deg and k = 25 mm the torque factor reaches 0.319.
 What the paper says
     "the plots show an increasing trend"; "the traction force exists even at S = 1"; the grip is lost at 12 deg, tan 12
     deg = 0.213. "The traction force is evaluated from the angular velocity of the wheel using the characteristics of
-    the corresponding motor", so the plots are of the torque form.
+    the corresponding motor", so the plots show the torque factor.
 What differs
-    The net form contradicts the slope of 12 deg and travel at small slip. The maximum of the torque form is 1.7 deg too
-    low. The net form would need k = 14.5 mm instead of 50 mm. The measured points are not available as numbers.
+    The net factor contradicts the slope of 12 deg and travel at small slip. The maximum of the torque factor
+    corresponds to a slope that is 1.7 deg too low. For a maximum at 12 deg, the net factor would need k = 14.5 mm
+    instead of 50 mm. The measured points are not available as numbers.
 
 Run: python studies/fig6.py [--quick] [--out DIR]
 """

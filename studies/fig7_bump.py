@@ -5,17 +5,19 @@ Question
     everywhere, change "the time scale" and leave "the overall profile", as the paper supposes of its experiment?
 Method
     The bump is a raised cosine of 0.03 m over 0.3 m (shape and size are not in the paper), across the full width or
-    under the left wheels only, of sand (Table 1, torque form) or of hard ground between sand. The duty is 0.55.
-    "Crossing" is the time from the front wheels' first touch to the rear wheels' last. Profiles are compared over
-    position, and over time with the crossing time scaled to one. Every drive is repeated with half the time step.
+    under the left wheels only, of sand (Table 1, with the traction factor T / (r f_n), wheel torque T over radius r and
+    normal force f_n) or of hard ground between sand. The duty is 0.55. "Crossing" is the time from the front wheels'
+    first touch to the rear wheels' last. Profiles are compared over position, and over time with the crossing time
+    scaled to one. Every drive is repeated with half the time step.
 Result
-    Full width: 16.4 s over sand, 13.4 s over the hard bump, 1.23 times as long. Left wheels only: 15.6 and 13.7 s, 1.14
-    times. The bogie turns by 15 deg in all four drives, the rocker by 3.7 deg (sand) and 4.5 deg (hard, left only).
-    Bogie angles on sand and hard ground differ by 11.7 deg rms on one clock, by 5.6 with the crossing time scaled to
-    one, and by 1.7 over position (left only: 10.6, 6.5, 4.3). The paper's supposition is therefore right in kind: the
-    ground of the obstacle changes the time scale, and the profile much less. The ratio depends on the height: 1.15 at
-    0.02 m, 1.43 at 0.04 m. On sand the one-sided bump also turns the rover, by 15 deg, and at 0.04 m so much that a
-    right wheel meets the edge of the bump. With half the time step no crossing time changes by 0.01 s.
+    Full width: the crossing takes 16.4 s over sand and 13.4 s over the hard bump; the ratio of both times is 1.23. Left
+    wheels only: 15.6 and 13.7 s; the ratio is 1.14. The bogie turns by 15 deg in all four drives, the rocker by 3.7 deg
+    (sand) and 4.5 deg (hard, left only). Bogie angles on sand and hard ground differ by 11.7 deg rms on one clock, by
+    5.6 with the crossing time scaled to one, and by 1.7 when compared over position (left wheels only: 10.6, 6.5, 4.3).
+    The paper's supposition is therefore right in kind: the ground of the obstacle changes the time scale, and the
+    profile much less. The ratio of the crossing times depends on the height of the bump: 1.15 at 0.02 m, 1.43 at 0.04
+    m. On sand the one-sided bump also turns the rover, by 15 deg, and at 0.04 m so much that a right wheel meets the
+    edge of the bump. With half the time step no crossing time changes by 0.01 s.
 What the paper says
     "the time scale, which corresponds to the translational velocity of the rover, has difference between the two
     although, the overall profile shows good agreement"; "in the simulation, all the surface is modeled as dry sand but,

@@ -4,18 +4,19 @@ Question
     Does the slip stay near 0 up to 12 deg and then switch to 1, while the elevation continues to rise?
 Method
     The inclination grows by 10 deg a metre (assumed: 12 deg after 25 s at 0.05 m/s), at duty 0.55, for 80 s. The soils
-    are: Table 1 in the three forms of the traction factor; a smaller k; and an invented sand whose slip switches, with
+    are: Table 1 with three definitions of the traction factor, net (drawbar pull / normal force f_n), torque (T / (r
+    f_n), with the wheel torque T) and gross (thrust / f_n); a smaller k; and an invented sand whose slip switches, with
     a small k, so that grip builds up at little slip, and a small phi, so that its maximum is low. The invented sand is
     repeated where slipping wheels dig (`DiggingMemory`) or soften the sand (`SlipSoftening`, with a as fitted to a
     measured wheel). S is that of the left middle wheel; the inclination is the terrain's under the body. "Most" is atan
     F(1). With its resistance R a rover must stop at atan(F(1) - R).
 Result
-    Table 1, torque form: S = 0.05 on the flat, 0.5 at 4.6 deg (23.5 s), 0.9 at 8.0 deg (52.3 s); after 80 s 8.7 deg of
-    a maximum of 8.8 with its R, still rising by 2.6 mm in 10 s. The gross form agrees within 0.2 deg. Net form: S =
-    0.99 on the flat, so the rover does not reach the slope. k = 30 mm instead of 50: 0.5 at 6.8 deg, 11.7 deg after 80
-    s. Net form with k = 14.5 mm: S = 0.25 on the flat, 0.5 at 5.3 deg, 10.7 deg of a maximum of 12.0. Only the invented
-    sand (k = 1 mm, phi = 13.7 deg) switches: 0.1 at 10.4 deg, 0.5 at 11.9, 0.9 at 11.9; the rover still rises, by 8.9
-    mm from there on.
+    Table 1, torque factor: S = 0.05 on the flat, 0.5 at 4.6 deg (23.5 s), 0.9 at 8.0 deg (52.3 s); after 80 s 8.7 deg
+    of a maximum of 8.8 with its R, still rising by 2.6 mm in 10 s. The results with the gross factor differ by at most
+    0.2 deg. Net factor: S = 0.99 on the flat, so the rover does not reach the slope. Torque factor with k = 30 mm
+    instead of 50: S = 0.5 at 6.8 deg, 11.7 deg after 80 s. Net factor with k = 14.5 mm: S = 0.25 on the flat, 0.5 at
+    5.3 deg, 10.7 deg of a maximum of 12.0. Only the invented sand (k = 1 mm, phi = 13.7 deg) switches: S = 0.1 at 10.4
+    deg, 0.5 at 11.9 deg, 0.9 at 11.9 deg; the rover still rises, by 8.9 mm from there on.
     Fig 8's end is reproduced with wheels that dig: from S = 0.9 at 11.2 deg on, the body falls by 18.9 mm, while a
     wheel sinks to 32 mm; in the last 10 s it falls by 0.4 mm, and the rover is at rest. On sand that slip softens, with
     a as fitted to measured wheels, the wheel sinks to 16 mm. The rover comes to rest as well, falling by 1.8 mm since S

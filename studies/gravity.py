@@ -13,10 +13,10 @@ Method
     angles follow Eq 5 at each instant. Sinkage and slip are means over wheels and time after the first 2 s. "lift-off"
     is the share of wheels and rows whose normal force is 0. "load swing" is the standard deviation of the normal forces
     divided by their mean.
-    Fast drives: motors geared to 0.05 to 1 m/s on the Earth's flat, a run-up of 4 m, and then the hard bump or a
-    washboard of sand (5 waves, 20 mm high, 0.3 m long). The angles follow the sinkage, and the step is 1 ms. The Froude
-    number is v^2 / (g 0.3 m) at that speed. Loads are divided by a sixth of the weight. Everything is repeated with
-    half the time step.
+    In the fast drives, the motors are geared to 0.05 to 1 m/s on the Earth's flat. After a run-up of 4 m, the rover
+    meets the hard bump or a washboard of sand (5 waves, 20 mm high, 0.3 m long). The angles follow the sinkage, and the
+    step is 1 ms. The Froude number is v^2 / (g 0.3 m) at that speed. Loads are divided by a sixth of the weight.
+    Everything is repeated with half the time step.
 Result
     Sinkage falls with the weight, as Eq 5 predicts: 8.1 mm on Earth, 4.2 on Mars, 2.4 on the Moon. With fixed angles
     little else changes: flat slip is 0.05 everywhere, and all drives arrive within 9 % of the Earth's time (the ditch

@@ -7,7 +7,8 @@ Method
     Scattered single measurements are drawn from Table 1 itself, so the truth is known: 11 slips from 0 to 1, 5 repeats,
     scatter 0.067 (assumed), which gives means with an SD of 0.03. `identify` fits k and phi with all other constants
     fixed, and once with the other constants as uncertain as they are without a measurement. The experiment is repeated
-    with fresh scatter, for smaller k, and for the torque form.
+    with fresh scatter, for smaller k, and with the traction factor T / (r f_n) (wheel torque T, radius r, normal force
+    f_n) instead of drawbar pull / f_n.
 Result
     See studies/results/commands.toml, `table_1`, and the printed table. For k = 50 mm neither k nor phi is
     identifiable: only tan(phi) / k is. k = 5 mm would be identifiable, 20 mm is not.

@@ -108,7 +108,8 @@ def figure(read: pd.DataFrame, out: Path) -> None:
 
 
 def readings() -> pd.DataFrame:
-    """Return rim speed and S_hat against slip: the motor's steady speed under the torque form's r F(S) W.
+    """Return rim speed and S_hat against slip: the motor's steady speed under the torque r F(S) W, where F(S) is the
+    traction factor T / (r W) for the wheel torque T and the load W.
 
     A wheel that its motor cannot turn at that slip has a rim speed of 0 and no S_hat.
     """

@@ -6,21 +6,22 @@ Question
     removes the residuals?
 Method
     Eight statements are limits on numbers that F(S) alone determines. Each has an SD (assumed: 0.5 deg, 0.05 to 0.1 of
-    slip, 0.01 of F). A satisfied statement has residual 0. The base is Table 1 as printed, in the net form (Eq 7) and
-    in the torque form (the form of the plots of Fig 6). Every constant of Table 1 and every contact effect of the
-    package without internal states is changed alone, and then in pairs, to minimise chi2. A change counts as an
-    improvement if chi2 falls by more than 2 ln(candidates / 0.05), the detection threshold of the loop.
+    slip, 0.01 of F). A satisfied statement has residual 0. The base is Table 1 as printed, with two definitions of the
+    traction factor: the net factor (Eq 7, drawbar pull / normal force f_n) and the torque factor (T / (r f_n) with the
+    wheel torque T, as in the plots of Fig 6). Every constant of Table 1 and every contact effect of the package without
+    internal states is changed alone, and then in pairs, to minimise chi2. A change counts as an improvement if chi2
+    falls by more than 2 ln(candidates / 0.05), the detection threshold of the loop.
 Result
-    Table 1 as printed breaks 5 of 8 statements in the net form (chi2 1247) and 4 in the torque form (289). No single
-    change satisfies all. Net form: k matters most. k = 0.5 mm (the smallest value tried) leaves chi2 = 15. k = 5 mm
-    instead of 50 leaves 527: the rover climbs 12 deg and drives on the flat with little slip, but the slip grows
-    gradually, and more slip always gives more pull. Torque form: 246 or more remains; a small k alone climbs far beyond
-    18 deg. Two changes: the net form satisfies all eight statements with k of 0.5 to 1.3 mm and a loss at high slip
-    (PostPeak 9 %, a rate loss of 5 %, or PeakStress, which these statements cannot distinguish). The torque form
-    reaches 1.2 with k = 7.9 mm and PostPeak 0.52, where F no longer rises throughout. Without a loss, k = 0.5 mm with a
-    phi of 12 deg or a smooth rim satisfies all statements except the sentence on Fig 10. 'An increasing trend' and
-    'less slip pulls more' contradict each other, so both are satisfied only by a fall of F that the plots of Fig 6
-    would hardly show.
+    Table 1 as printed breaks 5 of 8 statements with the net factor (chi2 1247) and 4 with the torque factor (289). No
+    single change satisfies all statements. With the net factor, k matters most. k = 0.5 mm (the smallest value tried)
+    leaves chi2 = 15. k = 5 mm instead of 50 leaves chi2 = 527: the rover climbs 12 deg and drives on the flat with
+    little slip, but the slip grows gradually, and more slip always gives more pull. With the torque factor, chi2
+    remains 246 or more; a small k alone climbs far beyond 18 deg. With two changes, the net factor satisfies all eight
+    statements with k of 0.5 to 1.3 mm and a loss at high slip (PostPeak 9 %, a rate loss of 5 %, or PeakStress, which
+    these statements cannot distinguish). The torque factor reaches chi2 = 1.2 with k = 7.9 mm and PostPeak 0.52, where
+    F no longer rises throughout. Without a loss, k = 0.5 mm with a phi of 12 deg or a smooth rim satisfies all
+    statements except the sentence on Fig 10. 'An increasing trend' and 'less slip pulls more' contradict each other, so
+    both are satisfied only by a fall of F that the plots of Fig 6 would hardly show.
 What the paper says
     The quoted words of `STATEMENTS`; k = 0.05 m. The text mentions a loss past the peak, and Eq (2) has no loss.
 What differs
@@ -99,7 +100,7 @@ CONSTANTS = {
 LOGARITHMIC = ("k",)
 ASKED = (0.005, 0.0145)
 """Values of the shear displacement k [m] that are evaluated without a fit: a tenth of the value in Table 1, and the
-value with which the net form of traction climbs 12 deg."""
+value with which the net traction factor (drawbar pull / normal force) climbs 12 deg."""
 
 
 class Resolved(NamedTuple):

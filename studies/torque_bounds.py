@@ -6,22 +6,24 @@ Question
     does a motor with 1 N m stall torque (assumed) exceed the bounds?
 Method
     `torque_bounds` over load for four soils; `rover_torque_bounds` over slope with the loads of static balance;
-    `climbable_slope` for the net, torque and gross form of the traction factor; the bound over the stall torque.
+    `climbable_slope` with three definitions of the traction factor, net (drawbar pull / normal force f_n), torque (T /
+    (r f_n)) and gross (thrust / f_n); the ratio of the bound to the stall torque.
 Result
     T_sat is nearly proportional to the load; T_lim grows as W^1.46 on the literature's sand (53 mN m at 10 N). On a 12
     deg slope of this sand T_lim is 38, 33 and 75 mN m for front, middle and rear. The middle wheels carry the smallest
     load on every slope here, so with equal motors at equal duty and speed they slip first, on every soil. A blocked
     wheel exceeds T_lim at duty 0.03 to 0.08 and T_sat at 0.19 to 0.33, so duty 0.55 spins any wheel that the rover
     cannot follow.
-    All wheels at S = 0.2 hold 3.3 deg on Table 1 and 6.6 deg on the literature's sand (torque form), at S = 1 10.3 and
-    17.7 deg; in the net form they do not even drive on the flat at S = 0.2. Full shear would hold 28 and 30 deg, but
-    with k = 50 or 25 mm under a 45 mm wheel even S = 1 uses only a third and a half of T_sat.
+    All wheels at S = 0.2 hold 3.3 deg on Table 1 and 6.6 deg on the literature's sand (torque factor), and at S = 1
+    they hold 10.3 and 17.7 deg. With the net factor, the wheels do not even drive on the flat at S = 0.2. Full shear
+    would hold 28 and 30 deg, but with k = 50 or 25 mm under a 45 mm wheel even S = 1 uses only a third and a half of
+    T_sat.
 What the paper says
     Section 5: "limit the driving torque not to exceed the maximum share"; section 4.2: at 12 deg "the tire driving
     force exceeded the maximum share force of the soil, then the wheel started to dig a hole".
 What differs
-    With Table 1 the pull at S = 1 holds 10.3 deg (torque form) and the soil's full strength 28 deg: the slip reaches 1
-    long before c + sigma tan(phi) is reached. A limiter at T_sat, as the text states it, does not prevent that; a
+    With Table 1 the pull at S = 1 holds 10.3 deg (torque factor) and the soil's full strength 28 deg: the slip reaches
+    1 long before c + sigma tan(phi) is reached. A limiter at T_sat, as the text states it, does not prevent that; a
     limiter at T_lim does. The paper gives neither bound as a formula.
 
 Run: python studies/torque_bounds.py [--quick] [--out DIR]

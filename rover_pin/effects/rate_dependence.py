@@ -24,7 +24,8 @@ class RateDependence(Effect):
 
     With c_r > 0 the sand is stronger at higher speed. With c_r < 0 it loses grip, as single-wheel tests at speed show.
     The effect acts on the load of the effects before it: on torque, f_y and the shear part of f_t. f_t changes by the
-    change of torque over r; a braked wheel gains only the part that its torque pays for (`paid_for`).
+    change of torque divided by r; for a braked wheel, f_t increases only so far that the pull does no more work than
+    the torque provides (`paid_for`).
 
     Source: assumed form, the logarithmic rate law that is common in soil mechanics; loss of drawbar pull with speed:
     Rodriguez-Martinez et al., arXiv 2306.02167. Differs from the paper: its forces depend on the slip ratio only.

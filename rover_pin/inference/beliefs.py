@@ -34,13 +34,13 @@ Either the set was fitted itself, or its evidence was estimated from the fit of 
 
 
 class HeldOutGain(NamedTuple):
-    """Gain of a set of causes on held-out data: the log predictive density of every fold with the set minus that
-    without any cause, summed over the folds [nats].
+    """Improvement of the prediction of held-out data by a set of causes: the log predictive density of every fold with
+    the set minus the log predictive density without any cause, summed over the folds [nats].
     """
 
     total: float
     scatter: float
-    """SD of `total` that follows from the scatter of the gain between folds; NaN with a single fold"""
+    """SD of `total` that follows from the scatter of the improvement between folds; NaN with a single fold"""
 
 
 @brief
@@ -63,8 +63,8 @@ class Beliefs:
         is proportional to the exponential of its score.
 
         Correlated residuals can exaggerate the increase of the evidence by a cause. Therefore only a fraction of each
-        gain counts (`LinearHypothesis.gain_shares`): the evidence of the set without the cause is raised until only
-        this fraction of the gain remains.
+        increase counts (`LinearHypothesis.gain_shares`): the evidence of the set without the cause is raised until only
+        this fraction of the increase remains.
         """
         if self.given_scores is not None:
             return self.given_scores
@@ -262,8 +262,8 @@ def held_out_gain(beliefs: Beliefs, names: Iterable[str]) -> HeldOutGain:
     """Return by how much the causes `names` raise the log predictive density of the held-out folds, compared with no
     cause, and the SD of this sum.
 
-    With the gains g_f of F folds, the sum is the total of the g_f, and its SD is sqrt(F) times the SD of the g_f.
-    Source: Vehtari, Gelman and Gabry, Stat. Comput. 27 (2017) 1413, section 5.
+    With the increases g_f of the log predictive density in F folds, the sum is the total of the g_f, and its SD is
+    sqrt(F) times the SD of the g_f. Source: Vehtari, Gelman and Gabry, Stat. Comput. 27 (2017) 1413, section 5.
     """
     gains = fold_densities(beliefs, names) - fold_densities(beliefs, ())
     scatter = math.sqrt(len(gains)) * float(np.std(gains, ddof=1)) if len(gains) > 1 else math.nan

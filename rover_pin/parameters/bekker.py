@@ -112,8 +112,8 @@ def from_bekker(table: Mapping[str, Any], b: Scalar, where: str, n: float | None
     Parameters
     ----------
     table : mapping
-        Name of each constant -> its number in SI, or an entry `{ value, unit }`. The unit of k_c and of k_phi must be one
-        that `bekker_si` accepts.
+        Name of each constant -> its number in SI, or an entry `{ value, unit }`. The unit of k_c and of k_phi must be
+        one that `bekker_si` accepts.
     b : Scalar
         Width [m] of the wheel; the constants k_1 and k_2 hold for this width.
     where : str

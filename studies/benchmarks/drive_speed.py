@@ -2,12 +2,12 @@
 
     python studies/benchmarks/drive_speed.py [--quick] [--keep]
 
-The ditch has walls of 30 deg and Table 1 in the torque form. The stated accuracy is the maximum distance in x, over 20
-s, from the same drive at a sixteenth of the step. Times are CPU seconds of the single thread, the minimum of several
-repeats, so they equal the wall time on a free core even if this core is busy. "Plain" is the step in NumPy, CasADi's
-interpreter and Pinocchio, over the first second of the drive. MuJoCo (if installed) drives the same URDF with the same
-masses, motors and rotors, the differential as an equality constraint, over the same ditch of rigid boxes. MuJoCo has no
-soil model.
+The ditch has walls of 30 deg and the sand of Table 1, with the traction factor T / (r f_n) of wheel torque T, radius r
+and normal force f_n. The stated accuracy is the maximum distance in x, over 20 s, from the same drive at a sixteenth of
+the step. Times are CPU seconds of the single thread, the minimum of several repeats, so they equal the wall time on a
+free core even if this core is busy. "Plain" is the step in NumPy, CasADi's interpreter and Pinocchio, over the first
+second of the drive. MuJoCo (if installed) drives the same URDF with the same masses, motors and rotors, the
+differential as an equality constraint, over the same ditch of rigid boxes. MuJoCo has no soil model.
 """
 
 from __future__ import annotations

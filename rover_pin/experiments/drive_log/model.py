@@ -44,8 +44,8 @@ DRIVEN_SAND = Soil().replace(k=0.005)
 """Soil that is assumed if a log of the paper's rover declares no soil: Table 1 of the paper, but with a smaller shear
 modulus k, because the rover cannot drive at all on the original soil."""
 MOTOR_TO_MOTOR, TACHO_TO_TACHO = 0.02, 0.015
-"""Prior relative SD of one motor's torque, and prior relative SD of one tachogenerator's gain, within a rover (assumed:
-small series motors)."""
+"""Prior relative SD of one motor's torque, and prior relative SD of the ratio of measured to true rate of one
+tachogenerator, within a rover (assumed: small series motors)."""
 ROLLING_SD = 0.03
 """Prior relative SD of the rolling radius of all wheels of a log without duties (assumed: a tyre's radius is smaller by
 a third of its deflection, a lugged wheel's radius lies between rim and tips). On a straight path, a wrong rolling

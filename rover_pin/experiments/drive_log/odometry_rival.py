@@ -33,10 +33,9 @@ def odometry_baselines(
     """Return the held-out error of wheel odometry for each feature of the place: PATH, DRIFT, HEADING and SPEED.
 
     The odometry computes the speed v = (1 - s) mean(r omega) along the heading, and the yaw rate psi' = g (r omega of
-    the right side - r omega of the left side). Here s is the slip, g a fitted factor [1/m] (1 / track width if no
-    wheel slips), and r omega the rim speeds [m/s]. The tracked point lies at (x, y) from the centre of turning. The
-    numbers s, g, x and y are fitted by least squares, in units of the noise, to all runs except the run that is
-    predicted.
+    the right side - r omega of the left side). Here s is the slip, g a fitted factor [1/m] (1 / track width if no wheel
+    slips), and r omega the rim speeds [m/s]. The tracked point lies at (x, y) from the centre of turning. The numbers
+    s, g, x and y are fitted by least squares, in units of the noise, to all runs except the run that is predicted.
 
     The fitted model predicts the wheel rates from the duties, but the odometry is given the measured wheel rates.
 

@@ -108,8 +108,8 @@ class Term:
 
     @property
     def strength(self) -> float:
-        """Number for the ranking of terms: their decrease of chi2 beyond chance, or the decrease in held-out runs if it
-        is smaller.
+        """Number for the ranking of terms: the decrease of chi2 by a term minus the decrease that chance gives, or the
+        decrease of chi2 in held-out runs if this decrease is smaller.
         """
         return self.net if self.held_out is None else min(self.net, self.held_out)
 
@@ -214,7 +214,8 @@ def clear_stretches(curve: Curve, row: int | None) -> list[Stretch]:
     interval first.
 
     A report lists these intervals, because they show at which place or time an unlisted effect acts. The median is
-    subtracted, because a constant part of the function can be explained by a motion resistance or a motor's gain.
+    subtracted, because a constant part of the function can be explained by a motion resistance or by a motor that is
+    stronger or weaker than declared.
 
     Parameters
     ----------
@@ -242,8 +243,8 @@ def clear_stretches(curve: Curve, row: int | None) -> list[Stretch]:
 class Rows:
     """Residuals of a fit after whitening (rows), and their derivatives by the parameters that may still change.
 
-    Whitened residuals are independent with the SD 1. A parameter that lies at a bound is omitted, because a term must
-    not gain by moving it beyond the bound.
+    Whitened residuals are independent with the SD 1. A parameter that lies at a bound is omitted, because no term may
+    decrease chi2 by moving the parameter beyond the bound.
     """
 
     fit: Fit = field(repr=False)
@@ -339,8 +340,8 @@ def held_out(rows: Rows, columns: Columns) -> float:
     """Return the decrease of the robust chi2 in held-out runs by a term (an action times a function of a signal),
     summed over the runs.
 
-    Each run is predicted with numbers that are fitted to the other runs, so a term that only imitates noise has no gain
-    here.
+    Each run is predicted with numbers that are fitted to the other runs, so a term that only imitates noise does not
+    decrease this chi2.
     """
     weights, total = huber_weights(rows.fit.rows), 0.0
     for run in np.unique(rows.fit.task.noise.fold):

@@ -35,8 +35,8 @@ MAX_LOAD_POWER = 2
 """Maximum power of the load in a polynomial. The offset of a load cell, for example, does not grow in proportion to the
 load."""
 POLYNOMIALS = (MAX_LOAD_POWER + 1) * (MAX_SLIP_POWER + 1)
-"""Number of polynomials among which the best one is chosen. With more polynomials, the best one gains more by
-chance."""
+"""Number of polynomials among which the best one is chosen. The more polynomials are tried, the more the best
+polynomial decreases chi2 by chance."""
 
 
 class Level(NamedTuple):
