@@ -162,7 +162,7 @@ def check(owner: str, name: str, value: Any, spec: Quantity, written: str = "") 
         return
     name = f"{owner}.{name}" if owner else name
     if not is_number(value):
-        raise ParameterError(f"{name} = {value!r} is not a number; give one in {spec.unit or 'no unit'}.")
+        raise ParameterError(f"{name} = {value!r} is not a number; give a number (unit: {spec.unit or 'none'}).")
     number = as_float(value)
     if not (math.isfinite(number) and spec.low <= number <= spec.high):
         # The bounds are in SI; the error states them in the unit in which the user wrote the number.
@@ -200,14 +200,12 @@ def to_si(value: Any, unit: Any, expected: str, where: str) -> float:
     `expected`.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
-        raise ParameterError(f"{where}: {value!r} is not a number; give one in {expected or 'no unit'}.")
+        raise ParameterError(f"{where}: {value!r} is not a number; give a number (unit: {expected or 'none'}).")
     # factor_to returns NaN for an unknown unit and for a unit of another kind of quantity.
     unit, factor = str(unit), factor_to(str(unit), expected)
     if math.isnan(factor):
         kind = [name for name, (si, _) in UNITS.items() if si == expected] or [expected or "none"]
-        raise ParameterError(
-            f"{where}: unit '{unit}' does not measure what is asked for; use one of {', '.join(kind)}."
-        )
+        raise ParameterError(f"{where}: unit '{unit}' does not fit this quantity; use one of {', '.join(kind)}.")
     return factor * as_float(value)
 
 

@@ -68,7 +68,7 @@ class Trust:
         contains '..', is an absolute path, or is a link.
         """
         if not isinstance(name, str) or not name or "\0" in name:
-            raise DataError(f"{where}: {name!r} is not the name of a file; give one in {folder}.")
+            raise DataError(f"{where}: {name!r} is not the name of a file; give the name of a file in {folder}.")
         path = folder / name
         if not self.everything and not _real(path, where).is_relative_to(folder.resolve()):
             raise DataError(

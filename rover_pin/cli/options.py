@@ -59,7 +59,9 @@ Effects = Annotated[
 ]
 Trusted = Annotated[
     bool,
-    typer.Option("--trust", help="Let the given files run all code, and read all files, that they name: read them."),
+    typer.Option(
+        "--trust", help="Let the given files run all code and read all files that they name: check them first."
+    ),
 ]
 ModelFile = Annotated[
     Path | None,

@@ -23,7 +23,9 @@ class SpringDamper(BodyEffect):
 
     title: ClassVar[str] = "springs in the suspension"
     meaning: ClassVar[str] = "joints of the suspension are sprung and damped"
-    k_s: Scalar = quantity(1.0, "N m/rad", "assumed: a wheel's 9.5 N on 75 mm bend it by 0.7 rad", 0.0, 1e4, "k_s")
+    k_s: Scalar = quantity(
+        1.0, "N m/rad", "assumed: a wheel load of 9.5 N at 75 mm turns the joint by 0.7 rad", 0.0, 1e4, "k_s"
+    )
     d: Scalar = quantity(0.05, "N m s/rad", "assumed: with k_s, dies out within 0.05 s", 0.0, 1e3, "d")
     q_0: Scalar = quantity(0.0, "rad", "assumed: relaxed with all wheels on a plane", -3.2, 3.2, "q_0")
     joint: str = ""

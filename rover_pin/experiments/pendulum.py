@@ -54,7 +54,7 @@ class Pendulum(OverTime):
     laws = (
         record("Coulomb", "a torque that does not depend on the rate resists", T_c=(0.1, "N m", 0.0, 5.0)),
         record("Viscous", "grease resists in proportion to the rate", b=(0.05, "N m s", 0.0, 5.0)),
-        record("Stribeck", "dry friction falls with the rate to a share of what it begins with", **FALLING),
+        record("Stribeck", "dry friction falls with the rate to a fraction of its value at rest", **FALLING),
         record("LoadFriction", "teeth rub in proportion to the torque that they carry", mu=(0.1, "", 0.0, 0.9)),
         record("Play", "the gear has play", gap=(0.03, "rad", 0.0, 0.5)),
     )

@@ -119,7 +119,7 @@ def _impossible(data: RigSet) -> Iterator[Check]:
         median, word = _some(np.median, measured[use]), "negative" if sign > 0.0 else "positive"
         what = f"{kind.column} is {word}{when} ({median:.3g} in the median)"
         is_turned = sign * median < -CLEAR_SDS * _some(np.median, sd[use])
-        yield Check(is_turned, what, f"multiply it by -1: positive is {positive}")
+        yield Check(is_turned, what, f"multiply the column by -1: positive is {positive}")
 
     # Work: a driving wheel gives out no more work than its torque puts in.
     put_in, out, _ = work(data)

@@ -17,7 +17,7 @@ def import_log(
     out: NamedOut = None,
     column: Column = [],  # noqa: B006 - typer wants a list
     most: Annotated[
-        int, typer.Option(help="Maximum number of runs; if there are more, the most informative ones are kept.", min=1)
+        int, typer.Option(help="Maximum number of runs; if there are more, the most informative runs are kept.", min=1)
     ] = 12,
     as_json: AsJson = False,
 ) -> None:

@@ -14,7 +14,7 @@ log = logging.getLogger(__name__)
 
 def improve(
     data: Annotated[
-        Path, typer.Argument(help="Folder with drive.toml or rig.toml, or with the results of close-loop on one.")
+        Path, typer.Argument(help="Folder with drive.toml or rig.toml, or with the results of close-loop.")
     ],
     study: Annotated[
         Path | None,

@@ -13,13 +13,17 @@ from rover_pin.cli.terminal import assignments, formulas, report
 
 def init(
     table: Annotated[
-        Path, typer.Argument(help="CSV or Parquet: one row a run, with slip, load and what was measured.")
+        Path,
+        typer.Argument(help="CSV or Parquet file with one row for each run: slip, load and the measured channels."),
     ],
     radius: Radius,
     width: Width,
     noise: Annotated[
         list[str],
-        typer.Option(metavar="CHANNEL=SD", help="SD of one run, as drawbar_pull=0.5N; repeats show it otherwise."),
+        typer.Option(
+            metavar="CHANNEL=SD",
+            help="SD of a channel in one run, as drawbar_pull=0.5N; by default estimated from repeats.",
+        ),
     ] = [],  # noqa: B006 - typer wants a list
     column: Column = [],  # noqa: B006
     slip_definition: Annotated[

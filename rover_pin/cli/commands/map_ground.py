@@ -44,7 +44,7 @@ def map_ground(
             help="Distance between places [m]; by default the rover's length, or more for at most 200 places."
         ),
     ] = "0",
-    headings: Annotated[int, typer.Option(help="Number of headings at each place; the worst one counts.")] = 8,
+    headings: Annotated[int, typer.Option(help="Number of headings at each place; the worst result counts.")] = 8,
     box: Annotated[
         str, typer.Option(help="X_FROM,X_TO,Y_FROM,Y_TO of the places [m]; all of the ground if not given.")
     ] = "",

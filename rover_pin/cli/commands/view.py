@@ -57,7 +57,7 @@ def open_page(out: Path, name: str = PAGE) -> None:
     import webbrowser
 
     if is_file(out / name) and webbrowser.open((out / name).resolve().as_uri()) is False:
-        warn(f"rover-pin: no browser was found on this machine; open {out / name} in one.")
+        warn(f"rover-pin: no browser was found on this machine; open {out / name} in a browser.")
 
 
 def requested_files(view: bool, gif: bool, mp4: bool) -> list[str]:

@@ -159,7 +159,7 @@ def draft(term: Term, name: str, wheels: Sequence[str]) -> DraftedEffect:
         "Draft of an effect that imitates the residual of a fitted model; read the file before you use it.\n\n"
         + textwrap.fill(f"It {term.description}.", 110),
         "The residual of a drive log, as the top of this file describes.",
-        "Source: estimated from a drive log. Differs from the paper: it has no such effect.",
+        "Source: estimated from a drive log. Differs from the paper: the paper has no such effect.",
         "residual of a log",
         "something acts that is on no list, as a log showed it",
         (Coefficient("size", 1.0, "", "1 is as estimated from the log", -MAX_SIZE, MAX_SIZE, "s"),),

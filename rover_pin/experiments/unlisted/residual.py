@@ -105,11 +105,12 @@ class DriveResidual:
     def description(self) -> str:
         """The two best terms with their net decreases of chi2, as sentences for the report."""
         if self.is_noise:
-            return f"No term describes the remaining residual (net gain {self.best.strength:.0f})."
+            return f"No term describes the remaining residual (net decrease of chi2: {self.best.strength:.0f})."
         sand_note = ", no more than newly prepared sand differs by" if self.best.is_raking else ""
         return (
-            f"The remaining residual {self.best.description}{sand_note} (net gain {self.best.strength:.0f}). The "
-            f"second-best description: it {self.second.description} (net gain {self.second.strength:.0f})."
+            f"The remaining residual {self.best.description}{sand_note} (net decrease of chi2: "
+            f"{self.best.strength:.0f}). By the second-best description, the residual {self.second.description} "
+            f"(net decrease of chi2: {self.second.strength:.0f})."
         )
 
 

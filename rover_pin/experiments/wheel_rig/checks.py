@@ -140,7 +140,7 @@ def _checks(data: RigSet) -> Iterator[Check]:
                 values = channel.measured[members]
                 off = np.abs(values - np.median(values)) / channel.sd[members]
                 what = f"{data.runs[members[off.argmax()]]} lies {off.max():.0f} SD from its repeats"
-                todo = "look at this run; it has less weight in the fits"
+                todo = "check this run; the run has less weight in the fits"
                 yield Check(off.max() > HUBER_THRESHOLD, what, todo, channel.column)
 
 

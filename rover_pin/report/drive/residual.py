@@ -33,8 +33,8 @@ def residual_section(verdict: Verdict) -> Section | None:
     residual = extra_of(verdict).residual
     if residual is None:
         return None
-    terms = tuple(Row((f"it {term.description}", *_gains(term))) for term in residual.terms[:MAX_LISTED])
-    heads = ("description of the residual", "decrease of chi2", "by chance", "in held-out runs", "net gain")
+    terms = tuple(Row((f"the residual {term.description}", *_gains(term))) for term in residual.terms[:MAX_LISTED])
+    heads = ("description of the residual", "decrease of chi2", "by chance", "in held-out runs", "net decrease")
     # If the residual is only noise, no terms are shown: they would describe the noise.
     content = {
         "description": residual.description,
@@ -45,17 +45,18 @@ def residual_section(verdict: Verdict) -> Section | None:
     # The curves are drawn only if they describe more than noise.
     pictures = {}
     if residual.terms and not residual.is_noise:
-        alt = f"Estimated functions of the terms that describe the residual best: it {residual.best.description}."
+        alt = f"Estimated functions of the best terms: the residual {residual.best.description}."
         caption = (
-            "Each term is an action times a function of a signal, estimated from measured - model; the band is one SD. "
-            "The net gain is the decrease of chi2 beyond chance, or the decrease in held-out runs if that is smaller."
+            "Each term is an action of an unknown effect, such as a torque on a wheel, times a function of a signal. "
+            "The function is estimated from measured - model; the band is one SD. The net decrease is the decrease of "
+            "chi2 minus the decrease by chance, or the decrease in held-out runs if that decrease is smaller."
         )
         pictures["terms"] = Picture(tuple(map(_panel, residual.terms[:MAX_LISTED])), alt, caption)
     return Section("Remaining residual", "drive/residual.html", content, pictures)
 
 
 def _gains(term: Term) -> tuple[str, ...]:
-    """Return the table cells of a term that describes the residual: three decreases of chi2, and the net gain.
+    """Return the table cells of a term that describes the residual: three decreases of chi2, and the net decrease.
 
     The three decreases of chi2 are: by the term in the fitted runs, by chance, and by the term in held-out runs.
     """

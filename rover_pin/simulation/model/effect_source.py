@@ -268,7 +268,7 @@ def first_version(name: str, acts: str) -> EffectSource:
         f"{name}: say in one line what the effect is.",
         f"{law}.",
         "This equation is an example: replace it by your own.\n\n"
-        "    Source: assumed. Differs from the paper: it has no such effect.",
+        "    Source: assumed. Differs from the paper: the paper has no such effect.",
         title,
         meaning,
         coefficients,

@@ -373,7 +373,10 @@ def thousandths(run: RunBlocks, limit: tuple[float, float]) -> Remarks:
         largest, unit = next((limits[start] for start in limits if name.startswith(start)), (math.inf, ""))
         magnitudes = np.abs(run.finite(name))
         if np.any(magnitudes > largest) and (middle := float(np.median(magnitudes[magnitudes > 0.0]))) > largest:
-            yield f"{name} is {middle:.3g} {unit} in the median", f"if it is in m{unit}, divide it by 1000"
+            yield (
+                f"{name} is {middle:.3g} {unit} in the median",
+                f"if the channel is in m{unit}, divide the channel by 1000",
+            )
 
 
 def stretches(flags: np.ndarray) -> np.ndarray:

@@ -109,7 +109,7 @@ def _wheel_signs(run: RunBlocks, limit: float) -> Iterator[tuple[str, str, bool]
             ratio = float(np.median(measured[use] / expected[use])) if np.sum(use) >= MIN_SAMPLES else 0.0
             is_reversed_motor = -SUSPECT_RATIO < ratio < -1.0 / SUSPECT_RATIO
         if is_reversed_motor or _is_reversed(drawn[:, i], measured, MAX_CHANCE):
-            yield f"{current} runs against duty_{wheel}", "multiply it by -1: positive drives forward", True
+            yield f"{current} runs against duty_{wheel}", "multiply the current by -1: positive drives forward", True
         elif float(np.nanmean(np.abs(measured))) > CLEAR_CURRENT or _is_reversed(
             drawn[:, i], measured, MAX_CHANCE_OF_NOTE
         ):

@@ -68,11 +68,11 @@ MIN_RATE = 0.02
 limit is applied in every possible unit of the logged rate."""
 
 SPEED_UNITS = {
-    60.0 / (2.0 * math.pi): ("the wheel rates look like rpm", "give rad/s: multiply them by 2 pi / 60"),
-    180.0 / math.pi: ("the wheel rates look like deg/s", "give rad/s: multiply them by pi / 180"),
-    1.0 / (2.0 * math.pi): ("the wheel rates look like turns per second", "give rad/s: multiply them by 2 pi"),
-    1e-3: ("body_x and body_y look like millimetres", "give metres: divide them by 1000"),
-    1e-2: ("body_x and body_y look like centimetres", "give metres: divide them by 100"),
+    60.0 / (2.0 * math.pi): ("the wheel rates look like rpm", "give rad/s: multiply the rates by 2 pi / 60"),
+    180.0 / math.pi: ("the wheel rates look like deg/s", "give rad/s: multiply the rates by pi / 180"),
+    1.0 / (2.0 * math.pi): ("the wheel rates look like turns per second", "give rad/s: multiply the rates by 2 pi"),
+    1e-3: ("body_x and body_y look like millimetres", "give metres: divide body_x and body_y by 1000"),
+    1e-2: ("body_x and body_y look like centimetres", "give metres: divide body_x and body_y by 100"),
 }
 """Ratio of rim speed to travel speed without slip that a wrong unit gives -> the unit in words, and the remedy."""
 
@@ -127,7 +127,7 @@ def wrong_heading(run: RunBlocks, limit: float) -> Remarks:
     mean = complex(np.mean(course * np.conj(run.heading[use])))
     angle = abs(float(np.angle(mean)))
     if _in_degrees(run, course, use):
-        yield "body_yaw looks like degrees", "give radians: multiply it by pi / 180"
+        yield "body_yaw looks like degrees", "give radians: multiply body_yaw by pi / 180"
     elif angle > limit and abs(mean) > ALIGNED and math.exp(-np.sum(use) * abs(mean) ** 2) < MAX_CHANCE:
         is_backwards = abs(angle - math.pi) < 0.3
         todo = "add pi to body_yaw, or turn the signs of duties and wheel rates" if is_backwards else ""
@@ -189,10 +189,10 @@ def wrong_pitch(run: RunBlocks, limit: float) -> Remarks:
         climbs.append(run.mean(np.arctan(rise / run.declared.length)))
     gains = [_pitch_gain(climb[use], pitch[use]) for climb in climbs]
     if gains and max(gains) < -0.5:
-        yield "body_pitch rises where the rover climbs", "multiply it by -1: nose down is positive"
+        yield "body_pitch rises where the rover climbs", "multiply body_pitch by -1: nose down is positive"
     elif gains and min(gains) > limit:
         what = f"body_pitch changes {min(gains):.0f} times as much as the climb"
-        yield what, "if it is in degrees multiply it by pi / 180"
+        yield what, "if body_pitch is in degrees, multiply body_pitch by pi / 180"
 
 
 def _pitch_gain(climb: np.ndarray, pitch: np.ndarray) -> float:
@@ -280,9 +280,9 @@ def wrong_velocity(run: RunBlocks, limit: float) -> Remarks:
     what = f"body_vx and body_vy are {abs(gain):.3g} times the speed of body_x and body_y"
     if has_size:
         what = "body_vx and body_vy point in another direction than body_x and body_y move"
-        yield what, "give them in the axes of body_x and body_y, not in the rover's, or leave them out"
+        yield what, "give body_vx and body_vy in the axes of body_x and body_y, or leave both out"
     elif ratio / MAX_UNIT_ERROR < abs(gain) < ratio * MAX_UNIT_ERROR:
-        yield f"{what}: they look like {VELOCITY_UNITS[ratio]}", f"give m/s: divide them by {ratio:g}"
+        yield f"{what}: they look like {VELOCITY_UNITS[ratio]}", f"give m/s: divide both by {ratio:g}"
     else:
         yield what, ""
 
