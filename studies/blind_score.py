@@ -112,8 +112,8 @@ class Case:
 
     @property
     def told(self) -> bool:
-        """Return whether the answer names an effect: as the only possible one, as one of several possible ones, or as
-        the effect of the catalogue that is most similar to the unknown effect.
+        """Return whether the answer names an effect: as the only possible effect, as one of several possible effects,
+        or as the effect of the catalogue that is most similar to the unknown effect.
         """
         return self.answer in (Answer.NAMED, Answer.SET, Answer.LIKE)
 

@@ -89,7 +89,8 @@ EVERY = 8
 """Every EVERY-th drive is repeated with half the time step, to check the numerical error. With this number, the
 repeated drives include all grounds and controls."""
 FURTHER = 0.01
-"""Difference in distance [m] above which one rover counts as having gone further than a buried one."""
+"""Minimum difference of the driven distances [m]. Above this difference, a rover counts as having driven further than a
+buried rover."""
 
 
 class Ground(NamedTuple):

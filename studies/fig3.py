@@ -60,7 +60,7 @@ def main() -> None:
 
 
 def family(slips: np.ndarray) -> pd.DataFrame:
-    """Return F over slip for each form and k."""
+    """Return the traction factor F against slip for each definition of F and each k."""
     # Every form with every k over all slips, as a long table.
     rows = [
         (name, k, S, load_traction_factor(float(S), TABLE_1.replace(k=k / 1000), NEXUS6_WHEEL, form))

@@ -85,7 +85,8 @@ SPEEDS, FROM, RUN_UP, LENGTH = (0.05, 0.2, 0.5, 1.0), 0.3, 4.0, 0.3
 """Numbers of the fast drives: speeds on level ground on Earth (SPEEDS) [m/s], start of the evaluated section (FROM),
 distance before the obstacle at which the drive starts (RUN_UP), and length of a bump and of a wave (LENGTH) [m]."""
 DAMPING = (3.0, 10.0, 30.0)
-"""Damping of the soil [s/m]: the assumed 10, a third of it, and three times it."""
+"""Damping of the soil [s/m]: about a third of the assumed damping, the assumed damping 10, and three times the assumed
+damping."""
 FAST_TIMING = Timing(0.001, 0.05, 0.005)
 ANGLES = ("fixed", "sinkage")
 

@@ -96,7 +96,9 @@ def row_of(data: str, verdict: Verdict) -> dict[str, str]:
 
 
 def over(rows: Sequence[Mapping[str, str]], curve: str) -> pd.Series:
-    """Return the ratio of the errors of all hypotheses together to a curve's errors, by set and channel."""
+    """Return for each set and channel the ratio of two held-out errors: the error of all hypotheses together, divided
+    by the error of a curve.
+    """
     # Both errors are read from the cells of the table, so that the printed ratio belongs to the published numbers.
     pairs = {row["data"]: (missed(row["together"]), missed(row[curve])) for row in rows}
     return pd.Series(

@@ -60,8 +60,8 @@ ROVERS = {
     "Jackal J100": Maker(0.262, 0.37559, 0.098, 0.040, 16.523, 0.477, (0.012, 0.002, 0.067), 1.5),
     "Leo": Maker(0.3052, 0.358, 0.0625, 0.07, 4.36, 0.2836, (0.0, 0.0, 0.05), 1.76),
 }
-"""Name of a rover -> its numbers. Sources: the makers' public packages husky_description, husky_control,
-jackal_description, jackal_control, leo_description and leo_firmware."""
+"""Name of a rover -> its dimensions, mass and track factor. Sources: the makers' public packages husky_description,
+husky_control, jackal_description, jackal_control, leo_description and leo_firmware."""
 WHEELS = {"fl": (0.5, 0.5), "fr": (0.5, -0.5), "rl": (-0.5, 0.5), "rr": (-0.5, -0.5)}
 GROUNDS: dict[str, dict[str, Any]] = {"sand": {}, "hard": {"patch.x_from": -100.0, "patch.x_to": 100.0}}
 TURNS: dict[str, tuple[str, dict[str, Any]]] = {

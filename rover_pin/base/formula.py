@@ -64,7 +64,8 @@ def unwrap_angle(angle: Array) -> Array:
 
 
 def north(lat: Array, lon: Array) -> Array:
-    """Return the distance north of the first row [m] (rows,) of each row, from latitudes and longitudes [deg].
+    """Return for each row how far north of the first row its position lies [m] (rows,), from latitudes and longitudes
+    [deg].
 
     The distance is M (lat - lat_0), in the plane that touches the WGS 84 ellipsoid at the first row (latitude lat_0). M
     is the radius of the meridian, a (1 - e^2) / (1 - e^2 sin^2 lat_0)^1.5, with a and e of the ellipsoid.
@@ -75,7 +76,8 @@ def north(lat: Array, lon: Array) -> Array:
 
 
 def east(lat: Array, lon: Array) -> Array:
-    """Return the distance east of the first row [m] (rows,) of each row, from latitudes and longitudes [deg].
+    """Return for each row how far east of the first row its position lies [m] (rows,), from latitudes and longitudes
+    [deg].
 
     The distance is N cos(lat_0) (lon - lon_0), where lat_0 and lon_0 belong to the first row. N is the radius a /
     sqrt(1 - e^2 sin^2 lat_0), with a and e of the WGS 84 ellipsoid.
@@ -190,7 +192,7 @@ def evaluate(text: str, columns: Mapping[str, Array], where: str) -> Array:
             result = np.asarray(_value(tree, columns, where), dtype=float)
             return np.array(np.broadcast_to(result, (length,)))
         except (OverflowError, RecursionError, ZeroDivisionError) as error:
-            raise DataError(f"{where}: {text!r} has no value ({error}); look at its numbers.") from None
+            raise DataError(f"{where}: {text!r} has no value ({error}); check the numbers in the formula.") from None
 
 
 def names_in(text: str, where: str) -> tuple[str, ...]:

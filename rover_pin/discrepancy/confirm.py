@@ -124,7 +124,8 @@ def worse_channels(scores: Sequence[ChannelScore]) -> list[ChannelScore]:
 
     The base model is a rival of the kept model: its error must be visibly smaller (`rivals.is_better`), and smaller by
     more than the scatter between folds or stretches of runs. Many channels are compared, so that the interval of the
-    change holds for all of them together. A channel of which a fold is no longer predicted at all is worse, too.
+    change holds for all of them together. If a fold of a channel is no longer predicted at all, this channel counts as
+    worse, too.
     """
     lost = [score for score in scores if math.isnan(score.after) and not math.isnan(score.before)]
     grown = [

@@ -120,8 +120,8 @@ class Verdict:
     """sentences that state where held-out data contradict the answer that the evidence alone would give; empty if both
     agree"""
     beyond_noise: dict[str, float] = field(default_factory=dict)
-    """residual that is taken for noise in each channel in which it is too large for noise, as a multiple of the
-    declared noise or of the scatter of the samples"""
+    """name of each channel whose residual is too large for noise but is taken for noise -> ratio of the residual to the
+    declared noise or to the scatter of the samples"""
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     baselines: tuple[Baseline, ...] = field(default=(), repr=False)
     """held-out errors of curves that know no physics, or of odometry"""

@@ -18,7 +18,8 @@ With a larger deviation the fit contradicts the declaration, and the base model 
 because declared SDs are rough (assumed)."""
 PROFILE_POINTS = (-1.5, -1.0, -0.5, 0.5, 1.0, 1.5)
 """Points at which a profile of chi2 is computed: distances from the optimum, in units of half the width of the 95 %
-interval. Points at 1 lie at the ends of the interval, and those at 1.5 show whether chi2 keeps rising."""
+interval. Points at 1 and -1 lie at the ends of the interval, and points at 1.5 and -1.5 show whether chi2 keeps rising
+beyond the interval."""
 BOUND_TOLERANCE = 1e-6
 """Maximum distance from a bound (in u) of a parameter that counts as at its bound; it only covers rounding."""
 

@@ -182,8 +182,8 @@ def is_bag(path: Path) -> bool:
 def read_bag(path: Path, columns: Mapping[str, Any], bag: Mapping[str, Any], where: str) -> Columns:
     """Read a ROS bag and return the columns of the run, resampled to even time steps.
 
-    The run begins when every measured column has had its first message, and ends when the first of them has its last
-    one. Commands do not limit this time span.
+    The run begins when every measured column has had its first message, and ends when the first measured column has its
+    last message. Commands do not limit this time span.
 
     Parameters
     ----------
@@ -316,8 +316,8 @@ class _Messages:
         return arrays
 
     def _take(self, name: str, message: Any, received: int) -> None:
-        """Append the value of one message to a column. If several messages have one time, the last one replaces the
-        others.
+        """Append the value of one message to a column. If several messages have equal times, only the value of the last
+        message is kept.
         """
         source = self.sources[name]
         value = self._value(name, message, source.field)

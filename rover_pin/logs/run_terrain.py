@@ -38,8 +38,8 @@ CELLS = 7.0
 MAX_CELLS = 100
 """Maximum number of grid cells along each side of the estimated terrain. For a longer run, the cells become larger."""
 MAX_SLOPE = math.radians(45.0)
-"""Limit of a declared slope [rad]. A slope of this size or more is refused, because its number is probably in another
-unit."""
+"""Limit of a declared slope [rad]. A slope of this size or more is refused, because the slope is probably stated in
+another unit."""
 
 
 def is_of_run(table: Mapping[str, Any]) -> bool:

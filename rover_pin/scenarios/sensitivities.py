@@ -165,7 +165,7 @@ def course_of(scene: Scenario, trace: Trace) -> StepsTaken:
 
 
 def drive_along(scene: Scenario, course: StepsTaken) -> Trace:
-    """Return the trace of a scenario's drive that takes the given time steps, and ends when they end.
+    """Return the trace of a scenario's drive that takes the given time steps, and ends after the last of these steps.
 
     `course` are the time steps of another drive, from `course_of`. Because the steps do not depend on the numbers of
     the scenario, the trace is a smooth function of every number.

@@ -33,7 +33,7 @@ class Sensors(Record):
     step. A value of 0 means a sensor without this error.
 
     Source: the test bed has these types of sensors (section 2 of the paper: tachogenerators, potentiometers, 3D video
-    tracking); their numbers are assumed.
+    tracking); the noise and the steps of the sensors are assumed.
     """
 
     rate_sd: Scalar = quantity(0.01, "rad/s", "assumed: 1 % of the cruising rate", 0.0, 10.0, "sd")

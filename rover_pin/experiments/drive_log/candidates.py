@@ -1,6 +1,6 @@
 """List the candidates for a missing effect of a drive model: each known effect at each wheel, channel or place.
 
-An effect that the model already has can be a candidate too: its number is then fitted without its prior.
+An effect that the model already has can be a candidate too: the size of this effect is then fitted without its prior.
 """
 
 import dataclasses

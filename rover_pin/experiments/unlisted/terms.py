@@ -285,8 +285,8 @@ def columns_of(scene: Scene, rows: Rows, act: Act, argument: Argument) -> Column
 
 
 class _TermFit(NamedTuple):
-    """Result of fitting one term together with the parameters of the model: its numbers, and the steps of the
-    parameters.
+    """Result of fitting one term together with the parameters of the model: the fitted numbers of the term's function,
+    and the steps of the model's parameters.
     """
 
     size: np.ndarray

@@ -99,7 +99,8 @@ class JointModel:
     def lug_share(self, name: str) -> float:
         """Return the lug height of the data set `name`, divided by the largest lug height of all data sets.
 
-        The ratio is 1 if the data set does not declare its lugs, and 0 if it declares that its wheel has none.
+        The ratio is 1 if the data set does not declare its lugs, and 0 if the data set declares that its wheel has no
+        lugs.
         """
         # An undeclared height counts as that of the highest lugs.
         lugs = self.parts[name].lugs

@@ -1,7 +1,7 @@
 """The sections on the causes of a mismatch between model and data: their probabilities, and their detectable sizes.
 
 A cause is a missing effect or an error of the measurement. A hypothesis is a combination of causes that act together,
-with the fit or the linear estimate of its numbers.
+with the sizes of these causes from a fit or from a linear estimate.
 """
 
 import math

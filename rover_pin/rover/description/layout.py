@@ -479,7 +479,7 @@ def read_motor(table: Mapping[str, Any], where: str) -> MotorSheet | str | None:
     for key in ("stall_torque", "no_load_speed"):
         if key not in part:
             raise UrdfError(
-                f"{where}: [motor] needs '{key}', which data sheets state; delete the table if it is unknown."
+                f"{where}: [motor] needs '{key}', which data sheets state; if it is unknown, delete the table."
             )
     sheet: MotorSheet = record_of(MotorSheet, part, f"{where}: motor")
     return sheet

@@ -41,8 +41,8 @@ DISK_FULL = os.strerror(errno.ENOSPC)
 
 
 def compiler() -> list[str] | None:
-    """Return the command of a C compiler, or None if there is none. The first that exists of these is returned: $CC,
-    cc, gcc, clang, and the Python package `ziglang`.
+    """Return the command of a C compiler, or None if there is none. The command is the first existing command of this
+    list: $CC, cc, gcc, clang, and the Python package `ziglang`.
     """
     for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
         if name and (executable := program(name)):
