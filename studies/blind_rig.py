@@ -7,9 +7,9 @@ Method
     own root finder, each effect implemented a second time). Soil, effect and size are drawn at random for each set.
     Sizes span a factor of ten, down to sizes below the noise. Half of the sets declare a wrong soil. A set has 54 runs:
     9 slips from -0.3 to 0.85, 3 loads, 2 travel speeds, in random order. The loop reads rig.toml and points.csv only.
-    Held-out losses are those of 14 fresh runs at other slips and loads. Limits of the loop were set on the seeds from
-    CALIBRATION on (433 sets). The result is that of the seeds from REPORTED on. Answers are stored in OUT, so that an
-    interrupted run continues.
+    Held-out losses are computed on 14 fresh runs at other slips and loads. Limits of the loop were set on the seeds
+    from CALIBRATION on (433 sets). The results come from the seeds from REPORTED on. Answers are stored in OUT, so that
+    an interrupted run continues.
 Result
     614 sets: docs/validation.md counts them, with every miss; studies/results/blind_rig.csv has each. The seeds from
     92001 on were run once (e379594a), those from 91001 on at 77d2d760 and again, with the same answers, at 03f98634. Of
@@ -20,11 +20,12 @@ Result
 What the paper says
     The paper compares curves by eye.
 What differs
-    An effect is detectable if its evidence exceeds that of no effect by 3 nats (for pairs: each of the two next to the
-    other), by the loop's own fits. The shares therefore show the losses after detection, not the smallest detectable
-    size. Interface friction is never detectable, because phi absorbs it. Half of the null sets and a quarter of the
-    others have noise that is not white or not of the declared size. Effects that a straight steady rig on fresh sand
-    cannot show (multi-pass, damping, side shear, places, wheel size) are not hidden.
+    An effect is detectable if the log evidence of the model with this effect exceeds the log evidence of the model
+    without it by 3 nats; each effect of a pair must be detectable next to the other effect. The evidence comes from the
+    loop's own fits. The shares therefore show the losses after detection, not the smallest detectable size. Interface
+    friction is never detectable, because phi absorbs it. Half of the sets with nothing hidden and a quarter of the
+    other sets have noise that is not white or not of the declared size. Effects that a straight steady rig on fresh
+    sand cannot show (multi-pass, damping, side shear, places, wheel size) are not hidden.
 
 Run: python studies/blind_rig.py [--quick] [--every N] [--calibrate] [--workers N] [--out DIR]
 """

@@ -23,10 +23,11 @@ Result
 What the paper says
     The paper compares curves by eye.
 What differs
-    A true set is detectable if its evidence times prior exceeds the base's by 3 nats, and for pairs also that of each
-    effect alone, by the loop's own fits. An unlisted effect is detectable if any hypothesis exceeds a base that leaves
-    only noise by 3 nats. Most hidden effects follow the same laws as the package's, implemented and integrated a second
-    time; those of kind other-law do not.
+    The score of a hypothesis is the logarithm of its evidence times its prior, from the loop's own fits. A true set of
+    effects is detectable if its score exceeds the score of the base model by 3 nats, and for pairs also the score of
+    each effect alone. An unlisted effect is detectable if the score of any hypothesis exceeds, by 3 nats, the score of
+    the hypothesis that the base model is complete and only noise remains. Most hidden effects follow the same laws as
+    the package's, implemented and integrated a second time; hidden effects of the kind other-law follow other laws.
 
 Run: python studies/blind_test.py [--quick] [--seed N] [--sets N] [--under any] [--first N] [--skip N] [--workers N]
 """
@@ -80,8 +81,8 @@ class Truth(NamedTuple):
     """The fit of the model with the hidden effects. The fit is made in the same way as the fits of the search."""
 
     gain: float
-    """Logarithm of evidence times prior of the hidden effects, minus that of the best set of effects that lacks at
-    least one of them [nats]."""
+    """Logarithm of evidence times prior of the set of hidden effects, minus the same logarithm of the best set that
+    lacks at least one hidden effect [nats]."""
     loss: float = math.nan
     """Mean robust loss of the fit on data that were left out of the fit."""
 

@@ -2,8 +2,8 @@
 
 Question
     In the drives of the other studies no wheel digs, and there slip control does not help. The paper says that slip
-    control helps where a slipping wheel digs. Is that so, how much slip should the control allow, and how much of the
-    gain needs the true slip?
+    control helps where a slipping wheel digs. Is this statement right, how much slip should the control allow, and how
+    much of the improvement needs the true slip?
 Method
     Inclines of 3 to 9 deg are driven for 60 s on sands of k = 10 to 50 mm (Table 1: 50), which `DiggingMemory` digs
     with c_d = 0 to 0.2. R is chosen for each sand so that the rover cruises on the flat at S = 0.05. Ditches (0.05 m
@@ -13,17 +13,18 @@ Method
     The controls are: constant duty 0.55; the paper's law with Eq 9 (its table measured on the flat of the same sand);
     the paper's law with the true slip at S_d = 0.1, 0.2, 0.5; the torque limit alone, at the soil's maximum shear
     (T_sat) or at a slip of 0.5 (T_lim); T_lim together with a slip; and tacking. A wheel counts as buried at a sinkage
-    of CUT = 0.5 radii, where a drive usually ends. Here the drives go on to 0.9 radii. "Way" is x of the base at burial
-    or at the end of the drive. Energy is electric, up to burial or arrival. "Further" means further by 10 mm. One drive
-    in eight is repeated with half the time step.
+    of CUT = 0.5 radii, where a drive usually ends. Here the drives go on to 0.9 radii. The column "Way" is the x of the
+    base at burial or at the end of the drive. Energy is electric, up to burial or arrival. A rover goes "further" than
+    another rover if its x is larger by 10 mm. One drive in eight is repeated with half the time step.
 Result
     Inclines with k = 25 and 50 mm and c_d = 0.1 and 0.2 (16 inclines; on the softest sand the rover digs in on the flat
-    before them): constant duty buries a wheel on 15, and so do T_sat, T_lim(0.5) and tacking. Eq 9 buries a wheel on 11
-    of 12, with or without T_lim(0.5) (on 4 the sand is too soft for a table). The true slip buries no wheel. Wheels
-    sink to 32 mm with constant duty and to 10-19 mm with the true slip. S_d = 0.5 goes further than the buried rover on
-    15 of 15 inclines, 0.2 on 12, 0.1 on 11. However, going further is not climbing: of all 24 inclines that dig, S_d =
-    0.5 climbs the same 8 as constant duty and creeps on the others; S_d = 0.2 climbs 3 and 0.1 none. Where no wheel
-    digs, control costs distance: constant duty and 0.5 climb 3 of 4, 0.2 climbs 1, 0.1 none.
+    before them): constant duty buries a wheel on 15 inclines, and so do T_sat, T_lim(0.5) and tacking. Eq 9 buries a
+    wheel on 11 of 12, with or without T_lim(0.5) (on 4 the sand is too soft for a table). The true slip buries no
+    wheel. Wheels sink to 32 mm with constant duty and to 10-19 mm with the true slip. With S_d = 0.5 the rover goes
+    further than the buried rover with constant duty on 15 of 15 inclines, with 0.2 on 12, and with 0.1 on 11. However,
+    going further is not climbing: of all 24 inclines that dig, S_d = 0.5 climbs the same 8 as constant duty and creeps
+    on the other 16; S_d = 0.2 climbs 3 and 0.1 none. Where no wheel digs, slip control reduces the distance: constant
+    duty and S_d = 0.5 climb 3 of 4 inclines, 0.2 climbs 1, 0.1 none.
     Ditches with strength loss: the true slip at 0.2 rescues 4 of 11 stuck drives and loses 0 of 5; at 0.1 and 0.5 the
     true slip rescues 1; Eq 9 and T_lim rescue 0 and lose 0. Where the sand digs too, constant duty buries a wheel in 6
     of 8, S_d = 0.5 in 2, S_d = 0.2 in none. Tacking passes 14 of 16 with on-board sensors only, so passing a ditch does

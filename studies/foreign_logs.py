@@ -234,7 +234,7 @@ def unlike(logged: Any, true: Any, shifted: bool = False) -> bool:
 
 def other_wheel(raw: np.ndarray, name: str, names: list[str], true: Any) -> bool:
     """Return whether an imported motor current of unknown scale correlates better with the true current of another
-    wheel than with that of its own wheel, or if its correlation with its own wheel is below 0.9.
+    wheel than with the true current of its own wheel, or whether its correlation with its own wheel is below 0.9.
     """
     with_each = {candidate: abs(np.corrcoef(raw, np.concatenate(true(candidate)))[0, 1]) for candidate in names}
     return not with_each[name] > 0.9 or max(with_each, key=lambda candidate: with_each[candidate]) != name

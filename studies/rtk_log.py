@@ -8,17 +8,17 @@ Method
     The recordings are public, without a stated licence, so they are not stored here:
     https://github.com/kaasmandje/ResearchMethods2023. The argument is the folder of a download. Every line is a single
     record (GPS, IMU, Odometry). `import-log` reads them. They contain no wheel rates. The rim speeds are v -+ omega B'
-    / 2, with the effective track B' = B (1 + (L / B)^2) that scrubbing requires. omega is that of the gyro (the filter
-    follows it within 0.005 rad/s), so the compared turn rate contains more than wheels alone would show. They contain
-    no heading with the same zero as the position; the course replaces it, and a constant sideways drift is not known.
-    The rover is a URDF with the maker's numbers.
+    / 2, with the effective track B' = B (1 + (L / B)^2) that scrubbing requires. omega is the turn rate of the gyro
+    (the rover's filter follows the gyro within 0.005 rad/s), so the compared turn rate contains more than wheels alone
+    would show. The recordings contain no heading with the same zero as the position. The course replaces the heading,
+    so that a constant sideways drift is not known. The rover is a URDF with the maker's numbers.
 Result
     studies/results/rtk_log.csv. The base model does not describe these data. On runs left out, the path error of
     odometry is 20.8 mm (noise 14.8), of the fitted base model 37.5, and of the loop's model (a load, rates, a grip that
     falls with slip) 25.4. The model's heading is better (2.4 against 2.8 deg, noise 2.3). The same holds on later runs
     that turn. On nearly straight runs all three are at the noise, since wheels may now roll on their own radius. In
-    turns the reported speed loses nothing to the scrub, as it would if it had been measured at the wheels. These data
-    do not determine the active cause: the named cause changed with each change of the candidates.
+    turns the scrub of the wheels does not reduce the reported speed; a speed that was measured at the wheels would be
+    reduced. These data do not determine the active cause: the named cause changed with each change of the candidates.
 What the paper says
     The paper has no such log: its rover steers, and its wheels are measured.
 What differs

@@ -3,33 +3,33 @@
 Question
     What does the law of the side force that measured wheels require (studies/wheel_laws.py) change in a drive?
 Method
-    Nexus 6 on sand of k = 3 mm, 20 s at duty 0.55. Old law: `SideShear`, where f_y is limited by the strength at the
-    middle of the contact that f_t does not use. New law: `CombinedShear`, one stress for thrust and side force at every
-    point of the rim, against the whole travel, with `FlankPressure` on the buried part of the disc and the numbers of
-    measured wheels. For comparison: the combined shear alone, and the new law with `SlipSoftening`, which lets the
-    wheel sink at a slip angle. Turn: Ackermann angles for a radius of 1 m. Crab: all steered wheels at 20 deg to one
-    side, the others dragged. Across: straight ahead over a slope that falls to the left by 10 deg. Skid: the cart,
-    without steering, on the spot, with the speeds of its sides held for 7.98 deg/s. The last 5 s give: the driven
-    radius, the direction of travel against the body's axis, the maximum side force over load, and the motor work per
-    metre.
+    Nexus 6 on sand of k = 3 mm, 20 s at duty 0.55. The old law is `SideShear`: f_y is limited by the part of the shear
+    strength at the middle of the contact that f_t does not use. The new law is `CombinedShear`, one shear stress for
+    thrust and side force at every point of the rim, opposite to the whole sliding motion, with `FlankPressure` on the
+    buried part of the disc and the numbers of measured wheels. For comparison: the combined shear alone, and the new
+    law with `SlipSoftening`, which lets the wheel sink at a slip angle. Turn: Ackermann angles for a radius of 1 m.
+    Crab: all steered wheels at 20 deg to one side, the others dragged. Across: straight ahead over a slope that falls
+    to the left by 10 deg. Skid: the cart, without steering, on the spot, with the speeds of its sides held for 7.98
+    deg/s. The last 5 s give: the driven radius, the angle between the direction of travel and the body's axis, the
+    maximum of side force divided by load, and the motor work per metre.
 Result
     The effect on a steered turn is small: a radius of 0.939 m with the old law, 0.934 with the new. In crabbing, the
     side force of the dragged middle wheels falls from 0.40 of their load to 0.34 (thrust and side force share one
     strength), at the same direction, 16.8 deg of 20 commanded, and 4 % less speed. Across the slope the rover drifts
-    down by 2.97 deg, before by 3.95: the old law used the shear at mid-contact, which at a small slip angle is less
-    than the shear over the arc. A cart that skids on the spot (k = 20 mm) turns at 4.76 deg/s, before at 5.99, and at
-    5.34 with the shear alone: the flank slows it further. Where slip and drift soften the sand, it sinks by 48 mm and
-    turns at 1.45 deg/s.
+    down by 2.97 deg, with the old law by 3.95 deg: the old law used the shear at mid-contact, which at a small slip
+    angle is less than the shear over the arc. A cart that skids on the spot (k = 20 mm) turns at 4.76 deg/s, with the
+    old law at 5.99 deg/s, and with the combined shear alone at 5.34 deg/s: the pressure on the flank slows the turn
+    further. Where slip and drift soften the sand, it sinks by 48 mm and turns at 1.45 deg/s.
     With the flank that measured wheels require, turning and crabbing on sand stay easy while the wheels sink by 9 mm,
     but not if they sink deeper. Half the step moves each of these drives by less than 1e-3 mm and 1e-4 deg.
     The scenes turn, point-turn, crab and cross-slope use the new law, and so does any drive whose controller steers,
-    which the drive reports; `--set side=shear` selects the old one. Other scenes keep the old law (`--set
-    side=combined` selects the new one), because independent simulators and shipped logs use it, and on straight drives
+    which the drive reports; `--set side=shear` selects the old law. Other scenes keep the old law (`--set
+    side=combined` selects the new law), because independent simulators and shipped logs use it, and on straight drives
     both are equal.
 What the paper says
     The paper has no side force, and no turning drive.
 What differs
-    B, k_f and l of the flank are those of wheels of 125 mm in another sand; no turning rover was measured here.
+    B, k_f and l of the flank were fitted to measured wheels of 125 mm in another sand; no turning rover was measured here.
 
 Run: python studies/side_force.py [--quick] [--out DIR]
 """

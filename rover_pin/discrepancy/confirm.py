@@ -34,8 +34,8 @@ class Confirmation(NamedTuple):
 
     decision: Decision
     beliefs: Beliefs
-    """probabilities of the hypotheses from which the answer follows: those of the evidence, or their averages over the
-    folds, or those of the sets of causes that held-out data do not contradict"""
+    """probabilities of the hypotheses from which the answer follows: the probabilities from the evidence, or their
+    averages over the folds, or the probabilities of the sets of causes that held-out data do not contradict"""
 
 
 def confirmed(beliefs: Beliefs, held_out_of: Callable[[Hypothesis], HeldOut]) -> Confirmation:
@@ -43,8 +43,9 @@ def confirmed(beliefs: Beliefs, held_out_of: Callable[[Hypothesis], HeldOut]) ->
 
     1. If the answer names causes, but more than half of the folds drop them (another set is most probable without the
     fold), or one fold drops them and the reduced chi2 exceeds MAX_CHI_SQUARE, the answer follows from the probabilities
-    that are averaged over the folds. If nothing is most probable on average, it is SET: these causes or nothing. LIKE
-    needs more than half of the folds to change; otherwise only its probability is the average.
+    that are averaged over the folds. If nothing is most probable on average, it is SET: these causes or nothing. An
+    answer LIKE changes only if more than half of the folds drop the causes; otherwise only the stated probability is
+    replaced by the average.
 
     2. The kept causes fail if they lower the log predictive density of the held-out folds by more than its scatter, or
     if a channel is worse on held-out data while no held-out error is removed in total. The answer then follows from the

@@ -38,7 +38,7 @@ class Decision(NamedTuple):
     reasons: tuple[str, ...] = ()
     """sentences that state where held-out data contradict the evidence, if they do (see `confirm`)"""
     basis: str = ""
-    """words for the probabilities that the answer states, if they are not those of the evidence"""
+    """words for the origin of the probabilities that the answer states, if they do not follow from the evidence"""
 
 
 def decide(beliefs: Beliefs) -> Decision:
@@ -171,8 +171,8 @@ def beyond_noise_text(
     """Return the channels of `beyond_noise` as text, the largest ratio first: "6.0 times the scatter of its samples in
     wheel_rate_mr"; empty if there is no such channel.
 
-    `ratios` is the result of `beyond_noise`, `noise` that of `usual_noise`, and `channel` returns the words for the
-    name of a channel.
+    `ratios` is the result of `beyond_noise`, `noise` the result of `usual_noise`, and `channel` returns the words for
+    the name of a channel.
     """
     largest_first = sorted(ratios.items(), key=lambda row: -row[1])
     parts = [f"{ratio:.1f} times {noise} in {channel(name)}" for name, ratio in largest_first[:MAX_LISTED]]

@@ -1,5 +1,5 @@
 """Search the sets of causes for experiments without exact derivatives of the prediction by the parameters: fit the most
-promising set, estimate the others, and repeat.
+promising set, estimate the evidence of the other sets, and repeat.
 
 A fit takes minutes on a drive log, so that only a few of the many sets can be fitted. Around each fit the prediction is
 treated as linear: the signatures of the candidates (the changes of the prediction that they make) give the evidence of

@@ -114,8 +114,9 @@ class Verdict:
     beliefs: Beliefs | None = field(default=None, repr=False)
     """probabilities of all hypotheses given all data"""
     deciding: Beliefs | None = field(default=None, repr=False)
-    """probabilities from which the answer follows if held-out data contradict `beliefs`: their averages over the folds,
-    or those of the sets of causes that held-out data do not contradict; None if the answer follows from `beliefs`"""
+    """probabilities from which the answer follows if held-out data contradict `beliefs`: averages over the folds, or
+    the probabilities of the sets of causes that held-out data do not contradict; None if the answer follows from
+    `beliefs`"""
     overturned: tuple[str, ...] = ()
     """sentences that state where held-out data contradict the answer that the evidence alone would give; empty if both
     agree"""

@@ -70,15 +70,15 @@ class Effect(Record):
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
         """Return the contact (slip, sinkage, soil) as the later effects shall see it.
 
-        `contact` is the contact after the effects before this one, and `x` holds the values of this effect's states. By
-        default the contact stays unchanged.
+        `contact` is the contact after all earlier effects, and `x` holds the values of this effect's states. By default
+        the contact stays unchanged.
         """
         return contact
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return the force and torque that this effect adds to the wheel's load.
 
-        `load` is the sum of the effects before this one, and `x` holds the values of this effect's states. By default
+        `load` is the summed load of all earlier effects, and `x` holds the values of this effect's states. By default
         nothing is added.
         """
         return Load()
@@ -145,8 +145,7 @@ class MotorEffect(Record):
     def torque(self, drive: Drive, torque: Scalar, x: tuple[Scalar, ...]) -> Scalar:
         """Return the torque [N m] that this effect adds to the motor's torque at the wheel.
 
-        `torque` is the torque of the motor and the effects before this one, and `x` holds the values of this effect's
-        states.
+        `torque` is the torque of the motor and all earlier effects, and `x` holds the values of this effect's states.
         """
         return 0.0
 

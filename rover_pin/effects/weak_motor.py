@@ -15,8 +15,8 @@ class WeakMotor(MotorEffect):
     """The motor of one wheel gives less torque than the others: torque -> (1 - g) torque at the wheel with the number
     `wheel`.
 
-    A worn gear or a demagnetised motor passes on a fraction 1 - g of its torque, which includes the torque of the
-    effects before this one. g < 0 is a motor that is stronger than its data.
+    A worn gear or a demagnetised motor passes on a fraction 1 - g of its torque, which includes the torque of all
+    earlier effects. g < 0 is a motor that is stronger than its data.
 
     Source: assumed form. Differs from the paper: its six motors are equal.
     """

@@ -25,7 +25,8 @@ MAX_LISTED = 3
 """Maximum number of similar items in a sentence, or in the table next to the sentence; a reader does not
 take in more."""
 MAX_NAMED = 4
-"""Maximum number of places, channels, sets of causes or reasons that a line of a report names; it counts the others."""
+"""Maximum number of places, channels, sets of causes or reasons that a line of a report names; the line states the
+number of the others."""
 MIN_MENTIONED = 0.01
 """Minimum relative change or fraction. Below this value, a report omits the number, because it would be printed as
 0."""

@@ -176,8 +176,8 @@ def match_columns(sources: Sequence[Source], rover: Rover, declared: Mapping[str
 
 
 def _lacks_of_wheels(names: Collection[str], wheels: Sequence[str]) -> Iterator[str]:
-    """Yield one sentence for each quantity (rate, motor current) that some wheels have and others lack, and how the
-    latter are treated.
+    """Yield one sentence for each quantity (rate, motor current) that some wheels have and others lack; the sentence
+    states how the wheels without the quantity are treated.
     """
     # Without duties, the simulated wheels take the measured rates, so each of them needs a rate.
     held = not any(name.startswith("duty_") for name in names)

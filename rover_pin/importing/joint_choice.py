@@ -326,7 +326,7 @@ def choose(
     parts = tuple(int(choice) for choice in best)
 
     def like(values: np.ndarray, at: int, tolerance: float = SAME) -> np.ndarray:
-        """Return a mask of the choices whose values differ from those of choice `at` by at most the relative
+        """Return a mask of the choices whose values differ from the values of choice `at` by at most the relative
         tolerance.
         """
         # A missing signal (NaN) is compared as 0, so that two choices without this signal count as equal.

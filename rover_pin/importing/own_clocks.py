@@ -266,6 +266,6 @@ def _shared(clock: str, names: Sequence[str]) -> int:
 
 def _short(names: Sequence[str]) -> str:
     """Return a list of column names as a short text for a message: the first name in quotes, and the number of the
-    others.
+    other names.
     """
     return f"'{names[0]}'" + (f" and {len(names) - 1} more" if len(names) > 1 else "")

@@ -54,8 +54,8 @@ class Beliefs:
     untried: tuple[str, ...] = ()
     """names of the causes without a converged fit, so that they are in no hypothesis"""
     given_scores: np.ndarray | None = field(default=None, repr=False)
-    """scores (hypotheses,) that replace those of the evidence, for example averages over folds; None for the scores of
-    the evidence"""
+    """scores (hypotheses,) that replace the scores from the evidence, for example averages over folds; None if the
+    scores follow from the evidence"""
 
     @cached_property
     def scores(self) -> np.ndarray:

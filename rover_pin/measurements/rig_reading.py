@@ -46,8 +46,8 @@ from rover_pin.soil.slip import STANDS, rim_and_travel, slip_ratios
 OTHERS = ("slip", "load_N", "run", "level", ANGLE, SLOPE, "slope_sd_rad", *SPEEDS)
 """Names of the columns of points.csv that are read in addition to the channels and their SDs."""
 MIN_SIMILARITY = 0.7
-"""Minimum similarity of two names (difflib's ratio, from 0 to 1). Above this value, one may be a misspelling of the
-other."""
+"""Minimum similarity of two names (difflib's ratio, from 0 to 1). Above this value, one name may be a misspelling of
+the other name."""
 
 
 def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:

@@ -88,7 +88,7 @@ def best_held_out(verdict: Verdict) -> CauseSet | None:
     """Return the set of causes that predicts held-out data best; None if no set is better than the others.
 
     A set counts as best if its error is below RIVAL_RATIO times the errors of all other fitted sets, because smaller
-    differences show little. The error is that of `CauseSet.times_noise`.
+    differences show little. `CauseSet.times_noise` computes the error.
     """
     errors = [(row.times_noise(verdict.scores), row) for row in cause_sets(verdict)]
     ranked = sorted((pair for pair in errors if math.isfinite(pair[0])), key=lambda pair: pair[0])

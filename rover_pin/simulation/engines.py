@@ -19,7 +19,7 @@ from rover_pin.simulation.plain.step import PlainStepper
 from rover_pin.simulation.state import DriveState
 
 COMPILED = "compiled"
-"""Name of the default engine. A trace names its engine only if it is another one."""
+"""Name of the default engine. A trace names its engine only if the engine is not the default engine."""
 
 
 class Engine(NamedTuple):

@@ -52,7 +52,8 @@ class Study:
         Letters, digits, `-`, `_` and `.`; also the default name of the results folder.
     scenario : str
         Name of the scenario that is driven, or the path of a drive file (.toml). The study then takes the scenario and
-        the settings of this file; its own settings, parameters, duration and step replace those of the file.
+        the settings of this file; the study's own settings, parameters, duration and step replace the values of the
+        file.
     parameters : mapping
         Name of a setting of the scenario, such as `soil.k` -> the values that it takes: Range, LogRange or Values, in
         SI units.

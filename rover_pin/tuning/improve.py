@@ -285,8 +285,9 @@ def improve(
 
 
 def improvement_of(tuning: TuningResult, bounds: dict[str, Prediction]) -> Improvement:
-    """Return the benefit of a tuning over constant duty, and its two parts: that of slip control before the tuning, and
-    that of the tuning. The means of the two parts add up to the mean of the benefit. `bounds` are those of the result.
+    """Return the benefit of a tuning over constant duty, and its two parts: the benefit of slip control before the
+    tuning, and the benefit of the tuning. The means of the two parts add up to the mean of the benefit. `bounds` are
+    the torque bounds that the result contains.
     """
     before, tuned = (f"{when}, {tuning.study.estimate}" for when in ("before", "tuned"))
     pairs = ((CONSTANT, tuned), (CONSTANT, before), (before, tuned))

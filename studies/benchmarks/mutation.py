@@ -190,8 +190,8 @@ def tests_of(room: str) -> list[Path]:
 
 
 def naming(tests: list[Path], file: Path) -> list[Path]:
-    """Return the test files that import a source file. If there are none, return those that import from its folder; if
-    there are none either, return all.
+    """Return the test files that import a source file. If no test file imports the source file, return the test files
+    that import from its folder. If no test file does either, return all test files.
     """
     for folder, name in (file.with_suffix("").parts[-2:], file.parent.parts[-2:]):
         imports = re.compile(rf"{folder}(\.| import .*\b){name}\b")

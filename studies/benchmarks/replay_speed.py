@@ -2,7 +2,7 @@
 
     python studies/benchmarks/replay_speed.py [--quick] [--keep]
 
-The log is that of the ready-made drive on the ditch (six points a lane) and on a washboard (a polyline of 243). Each
+The log comes from the ready-made drive on the ditch (six points a lane) and on a washboard (a polyline of 243). Each
 version replays its own log. Times are CPU seconds of one process for each version, alternating on one core, the minimum
 of several replays. The distance is the maximum over all channels, each in its unit. Compilation starts from an empty
 cache: the step, once for each machine; the rigid body, once for each tree of joints; the laws, once for each set of

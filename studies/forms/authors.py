@@ -76,8 +76,8 @@ class Runs(NamedTuple):
         return (self.rim - self.travel) / np.maximum(self.rim, self.travel)
 
     def at_no_slip(self) -> Runs:
-        """Return the runs with their slip set to zero. The load of each run is that of the run with the same slip angle
-        and the smallest slip.
+        """Return the runs with their slip set to zero. Each run gets the load of the run with the same slip angle and
+        the smallest slip.
         """
         angles, slip = np.arctan2(self.aside, self.ahead), np.abs(self.slip)
         least = np.argmin(np.where(np.isclose(angles, angles.T), slip.T, np.inf), axis=1)

@@ -13,7 +13,7 @@ Predict = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 def left_out(data: RigSet, predict: Predict) -> np.ndarray:
-    """Return the errors [channels, runs] of a baseline, with each level predicted from the others."""
+    """Return the errors [channels, runs] of a baseline, with each level predicted from the other levels."""
     inputs = np.column_stack([data.slip, np.asarray(data.slip_angle)])
     # A constant input cannot carry a curve.
     inputs = inputs[:, np.ptp(inputs, axis=0) > 0]
@@ -26,7 +26,9 @@ def left_out(data: RigSet, predict: Predict) -> np.ndarray:
 
 
 def carried_over(data: RigSet, second: RigSet, predict: Predict) -> np.ndarray:
-    """Return the errors [channels, runs] on another wheel of a baseline that is fitted to all points of this one."""
+    """Return the errors [channels, runs] of a baseline that is fitted to all points of one wheel (`data`) and predicts
+    another wheel (`second`).
+    """
     measured_at, wanted_at = (np.asarray(rig.slip)[:, None] for rig in (data, second))
     pairs = zip(data.channels, second.channels, strict=True)
     return np.array([predict(measured_at, channel.measured, wanted_at) - two.measured for channel, two in pairs])

@@ -133,7 +133,7 @@ def unseen(sets: Iterable[RigSet], besides: Sequence[RigSet] = ()) -> list[RigSe
 
 
 def carried(others: Sequence[RigSet], data: RigSet, channel: str, predict: Predict) -> np.ndarray:
-    """Return the errors on a set of a curve through the others' points of a channel."""
+    """Return the errors with which a curve through the other sets' points of a channel predicts a set."""
     samples = [
         (inputs(rig), measured_channel.measured)
         for rig in others

@@ -58,9 +58,9 @@ def runs_on_estimated_ground(log: DriveLog, model: Model, jobs: Workers = 1) -> 
 
     The first estimate takes the measured attitude of the body for the inclination of the ground. The model then drives
     over this terrain, and its body differs in attitude from the ground because of suspension and sinkage. This
-    difference is subtracted from the measured attitude, which gives the second estimate. Its error is of second order,
-    except for the sinkage if the true soil is another one. If the model does not drive to the end of a run, the first
-    estimate is kept.
+    difference is subtracted from the measured attitude, which gives the second estimate. The error of the second
+    estimate is of second order, except for the sinkage if the true soil differs from the model's soil. If the model
+    does not drive to the end of a run, the first estimate is kept.
     """
     runs = list(logged_runs(log, model.rover))
     # Declared terrains are exact and stay unchanged.

@@ -24,7 +24,7 @@ larger, the effect counts as dependent on speed and is tried only if speeds were
 
 
 def effect_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
-    """Return the classes of contact effects that can be added to a model, that is, those that declare neutral values.
+    """Return the classes of contact effects that can be added to a model: the classes that declare neutral values.
 
     An effect does nothing at its neutral values. An effect of the user's file or folder replaces the package's effect
     of that name.
@@ -56,7 +56,7 @@ def rig_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
 
 
 def shown_by_rigs(kinds: Iterable[type[AnyEffect]]) -> list[type[Effect]]:
-    """Return the given classes of effects that can change the channels of a rig, without the others.
+    """Return those of the given classes of effects that can change the channels of a rig.
 
     These are contact effects that do not depend on a place and do not change the slip. The slip is measured by the rig,
     so effects that change it do not show.

@@ -23,8 +23,8 @@ def refuse_unfit(experiment: RigExperiment) -> None:
     """Raise an error if data sets cannot give an answer with any model.
 
     A single data set must have several slips, several slip levels, and channels that change. If several data sets are
-    used, one may lack information that another one has, so they are refused only because of physically impossible
-    numbers.
+    used, a data set may lack information that another data set has, so that data sets are refused only because of
+    physically impossible numbers.
 
     Raises
     ------

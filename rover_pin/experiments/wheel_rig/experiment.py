@@ -318,8 +318,8 @@ def join_sets(sets: Sequence[RigSet]) -> RigExperiment:
     ParameterError
         There are fewer than two data sets.
     DataError
-        Two data sets have equal names, all runs of a data set are in another one, or two data sets declare different
-        values of one constant of the sand.
+        Two data sets have equal names, all runs of a data set are in another data set, or two data sets declare
+        different values of one constant of the sand.
     """
     if len(sets) < 2:
         raise ParameterError(

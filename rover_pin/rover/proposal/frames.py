@@ -117,7 +117,7 @@ END_WORDS = {2: "front", 1: "middle", 0: "rear"}
 
 class NamedPlace(NamedTuple):
     """The end (2 front, 1 middle, 0 rear) and the side of the rover that a wheel's name states. If the name does not
-    state one of them, this one is None.
+    state the end, `end` is None; if the name does not state the side, `side` is None.
     """
 
     end: int | None

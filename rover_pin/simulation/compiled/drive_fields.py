@@ -1,5 +1,5 @@
-"""Those fields of the C struct Drive that describe the rover, and those that describe the terrain. The compiled step
-reads all its numbers from this struct.
+"""The fields of the C struct Drive that describe the rover, and the fields that describe the terrain. The compiled step
+reads all numbers from this struct.
 
 The fields of a rover do not depend on the ground, so they are computed once and used in all drives of the rover. A
 terrain is represented by polylines, divided into bins for a fast search, or by a grid of heights.

@@ -6,9 +6,9 @@ dt, the stages k_1, k_2 and k_3 of a step are the solutions of
     (M' - gamma dt D) k_1 = dt (F - nle) + G^T lambda_1,    (M' - gamma dt D) k_(i+1) = M' k_i + G^T lambda_(i+1),
     G k_i = -G v,    M' = M - dt D_implicit,    gamma = 1 - 1/sqrt(2).
 
-D is the derivative by the speeds of the forces of soil and motors, and D_implicit that of the forces that are taken
-fully implicitly: servos, end stops and body effects (`step.py`). k_1 and k_2 make up the step; k_3 only shows whether a
-speed grows from stage to stage.
+D is the derivative by the speeds of the forces of soil and motors, and D_implicit the derivative of the forces that are
+taken fully implicitly: servos, end stops and body effects (`step.py`). k_1 and k_2 make up the step; k_3 only shows
+whether a speed grows from stage to stage.
 
 Source: Featherstone, Rigid Body Dynamics Algorithms (2008), sections 6.2 (CRBA) and 8.2 (constraints).
 """

@@ -65,8 +65,8 @@ class StepChange(NamedTuple):
         return math.inf if self.stop else max(place_error / tolerance, load_error / (LOADS * tolerance))
 
     def or_worse(self, change: StepChange) -> StepChange:
-        """Return the larger of two step changes, this one and `change`, after scaling `change` to the step ratio of
-        this one. Position and loads are compared separately.
+        """Return the larger of two step changes, this step change and `change`, after scaling `change` to the step
+        ratio of this step change. Position and loads are compared separately.
         """
         scale = abs(self.ratio - 1.0) / abs(change.ratio - 1.0)
         distance, load = max(self.distance, scale * change.distance), max(self.load, scale * change.load)

@@ -57,7 +57,7 @@ class Timing:
     sample: float = SAMPLE
     "time between two rows of the trace [s]"
     divided: int = 1
-    "number of parts into which every step is divided, in addition to those that the ground needs (`resolution.parts`)"
+    "number of parts into which every step is divided, in addition to the parts for the ground (`resolution.parts`)"
     rough: float = 1.0
     """factor on the limits `pace.ROUGH` and `pace.CALM` of the forecast error: 1 / n^2 if every step is divided into n
     parts"""
