@@ -29,7 +29,7 @@ Result
 What the paper says
     The paper has no side force, and no turning drive.
 What differs
-    B, k_f and l of the flank were fitted to measured wheels of 125 mm in another sand; no turning rover was measured here.
+    B, k_f and l of the flank were fitted to wheels of 125 mm in another sand; no turning rover was measured here.
 
 Run: python studies/side_force.py [--quick] [--out DIR]
 """

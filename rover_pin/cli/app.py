@@ -294,7 +294,7 @@ def identify(
         ),
     ],
     set_: Set = [],  # noqa: B006
-    prior: Annotated[list[str], typer.Option(help="NAME=MEAN:SD, what is known of a number; can be repeated.")] = [],  # noqa: B006
+    prior: Annotated[list[str], typer.Option(help="NAME=MEAN:SD, the prior of a number; can be repeated.")] = [],  # noqa: B006
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:

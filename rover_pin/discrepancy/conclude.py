@@ -170,7 +170,7 @@ def explorer_of(question: Question, progress: Progress) -> Explorer:
         why = (
             f"{lost}; start from a model that predicts every run, or correct that run"
             if lost
-            else "free fewer parameters"
+            else "fit fewer parameters"
         )
         message = f"{experiment.name}: no start of the fit of the base model converged: {why}."
         raise OptimisationError(message, status="") from error

@@ -157,7 +157,7 @@ def descend(problem: Problem, start: np.ndarray, gain: float = MIN_FALL, most: i
     if most:
         return point
     raise OptimisationError(
-        f"the fit did not settle in {MAX_STEPS} steps (chi2 = {point.chi2:g}); free fewer parameters.", status=MAX_STEPS
+        f"the fit did not settle in {MAX_STEPS} steps (chi2 = {point.chi2:g}); fit fewer parameters.", status=MAX_STEPS
     )
 
 

@@ -33,8 +33,8 @@ MIN_DISTANCE = 3.0
 column's other values. The limit applies to columns other than positions: currents and rates jump whenever a motor
 starts, so a jump alone does not show a code."""
 MIN_REPEATS = 3
-"""Minimum number of rows with exactly one coordinate. From it on, this coordinate is tested as a code for a missing
-position, although `CODES` does not list it."""
+"""Minimum number of rows with exactly one coordinate. From this number on, the coordinate is tested as a code for a
+missing position, although `CODES` does not list it."""
 MIN_FROZEN, FROZEN_RATIO = 5, 10.0
 """Minimum number of equal rows of a frozen position: as a number of rows, and as a multiple of the usual number of
 equal rows. A receiver of 1 Hz in rows of 20 Hz repeats each position 20 times and is not frozen."""

@@ -141,7 +141,7 @@ class Explorer:
         self._fit_all((), starts)
         if not self.fitted:
             raise OptimisationError(
-                "the fit of the base model converged from none of its start values; free fewer parameters.", status=0
+                "the fit of the base model converged from none of its start values; fit fewer parameters.", status=0
             )
         for _ in range(MAX_OUTLIER_PASSES):
             inflation = self._outlier_inflation()

@@ -249,7 +249,7 @@ class Fitter:
                 ends.append(descend(problem, start, ROUGH_TOLERANCE))
         if not ends:
             raise OptimisationError(
-                "the fit of a set of causes converged from none of its start values; free fewer parameters.", status=0
+                "the fit of a set of causes converged from none of its start values; fit fewer parameters.", status=0
             )
         best = min(ends, key=lambda end: end.chi2)
         return best.u, best.chi2

@@ -149,7 +149,7 @@ class RigTable:
             if match.is_guess:
                 reading.append("a guess from part of its name")
             if match.is_set_point:
-                reading.append("commanded, as no measured one is there")
+                reading.append("commanded, because no measured column is there")
             self.notes.append(", ".join([f"'{name}' is {column}", *reading]))
             for other, _ in rows:
                 if other != name:

@@ -34,9 +34,9 @@ JUMPS = {
 }  # fmt: skip
 """Channel of the pose -> minimum distance of an outlier from its neighbours [m for positions, rad for angles]."""
 MIN_OUTLIER_SD = 6.0
-"""Minimum distance of an outlier from the nearest of its neighbours, in SDs of the tracker's noise. Chance exceeds it
-in one of some million rows. A wrongly excluded row costs one row, but a wrong pose that is kept shifts the whole path
-after it."""
+"""Minimum distance of an outlier from the nearest of its neighbours, in SDs of the tracker's noise. By chance, a row
+exceeds this distance once in some million rows. A wrongly excluded row costs one row, but a wrong pose that is kept
+shifts the whole path after it."""
 NEIGHBOURS = 2
 """Number of rows before a pose, and number of rows after it, for the comparison with the pose."""
 MAX_NEIGHBOUR_TIME = 0.3

@@ -135,7 +135,7 @@ def of_one_sand(rigs: Sequence[RigSet]) -> RigSet:
     for rig in weighed:
         if not math.isclose(rig.gravity, weighed[0].gravity, rel_tol=DECLARED_TOLERANCE):
             raise DataError(
-                f"{rig.name}: gravity is {rig.gravity:g} m/s^2, but it is {weighed[0].gravity:g} m/s^2 for "
+                f"{rig.name}: gravity is {rig.gravity:g} m/s^2, but {weighed[0].gravity:g} m/s^2 for "
                 f"{weighed[0].name}. A joint fit has one weight of the sand for all data sets: fit them one by one, or "
                 "leave bulk_density out."
             )

@@ -131,7 +131,7 @@ class Trace(Mapping[str, np.ndarray]):
 
     @property
     def wheels(self) -> tuple[str, ...]:
-        """Names of the wheels: the names that `attrs` declares, otherwise the names that occur in the channels' names."""
+        """Names of the wheels: the names that `attrs` declares, otherwise the wheel names in the channels' names."""
         return tuple(self.attrs.get("wheels") or wheels_in(self.channels))
 
     @property
