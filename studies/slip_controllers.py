@@ -17,8 +17,8 @@ Result
     1.258 m; with S_d by the hole and the true slip 198, 0, 1.406 m; with S_d by the hole and the on-board estimate 192,
     1, 1.356 m. The distance that the true slip loses therefore comes from S_d = 0.2 and untuned gains. The on-board law
     loses 6 of 39 ditches that the law with the true slip passes, where rims roll against a wall while the attitude
-    stays constant. Its burial is in a ditch; on all other grounds it passes the same number as with the true slip. On
-    the 100 drives of the first seed the numbers are: constant duty 64, 31, 1.377 m; by the hole 65, 0, 1.404 m; on
+    stays constant. Its burial is in a ditch; on all other grounds it passes the same number as with the true slip.
+    On the 100 drives of the first seed the numbers are: constant duty 64, 31, 1.377 m; by the hole 65, 0, 1.404 m; on
     board 62, 0, 1.356 m; on board with a camera 62, 0, 1.355 m; on board with a wrong soil 51, 0, 1.211 m; with a
     tracker's slip 62, 17, 1.332 m. The controller gains were set with the true slip. The cause of the tracker's
     burials was not examined; where the duty is cut, the rims are as slow as the tracker's noise.

@@ -6,9 +6,9 @@ Question
 Method
     `OnboardSlip` and Eq (9), whose table is measured for each drive's own model, run on 100 held-out drives of 40 s
     from one seed: digging inclines (3 to 11 deg, k 10 to 50 mm), slopes that steepen, ditches (34 to 50 deg, k 2.5 to
-    10 mm, up to half of the strength lost), hills, rocks; phi, R, c_d drawn; 16 with the cart. Nothing was tuned on
-    them. The on-board estimate knows the model's contact law. A second on-board estimate uses a wrong soil (k 1.5
-    times, phi 3 deg less). Bias and SD are those at constant duty, of wheels that turn.
+    10 mm, up to half of the strength lost), hills, rocks; phi, R and c_d are random; 16 drives are with the cart. No
+    number was tuned on these drives. The on-board estimate knows the model's contact law. A second on-board estimate
+    uses a wrong soil (k 1.5 times, phi 3 deg less). Bias and SD are computed for turning wheels at constant duty.
 Result
     S_hat - S: Eq (9) has bias -0.32 and SD 0.43 (a wheel that spins under load turns more slowly, and Eq (9) reads it
     as gripping). On board the bias is +0.006 and the SD 0.07: RMS 0.01 to 0.02 on inclines, slopes and hills, 0.03 with

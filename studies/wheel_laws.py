@@ -9,35 +9,37 @@ Method
     0.1) are fitted together with each law's own size. n is taken from the pressings of the wheel, else n = 1.52 of the
     smooth wheel. Each level is predicted by a fit to the other levels. The comparison includes the mean, a quadratic in
     slip (and slip angle), a Gaussian process of both, all held out in the same way, and the model that the data's
-    authors published, with their numbers (`forms/authors.py`), which they fitted to these runs. "Both signs" is the
-    driving and the braked smooth wheel with one soil. The lugged wheel is also predicted from the smooth wheel, with
-    all its numbers and the height of the lugs with full pockets. The grip of the lugs is given by `LugGrip`, or by sand
-    that shears on sand: phi is the declared angle of repose, 29 deg, or follows from the smooth rim's grip divided by m
-    = 0.7, `InterfaceFriction`'s default (Potyondy's ratios). "One sand" fits all sets together, and each level of each
-    set is predicted from all other levels. "From the others" predicts a set from one soil fitted to the other six sets,
-    without its own runs.
+    authors published (`forms/authors.py`), with the constants that the authors fitted to these runs. "Both signs" is
+    the driving and the braked smooth wheel with one soil. The lugged wheel is also predicted with all fitted constants
+    of the smooth wheel and the height of the lugs with full pockets. The grip of the lugs is given by `LugGrip`, or by
+    sand that shears on sand: phi is the declared angle of repose, 29 deg, or follows from the smooth rim's grip divided
+    by m = 0.7, `InterfaceFriction`'s default (Potyondy's ratios). "One sand" fits all sets together, and each level of
+    each set is predicted from all other levels. "From the others" predicts a set from one soil fitted to the other six
+    sets, without its own runs.
 Result
-    All numbers are in studies/results/wheel_laws.csv. The list gives drawbar pull / sinkage (/ side force) of the last
-    laws, and in brackets those of the quadratic, the Gaussian process and the authors:
+    All numbers are in studies/results/wheel_laws.csv. The following lines give the held-out RMS errors of drawbar pull
+    [N] / sinkage [mm] (/ side force [N]) of the last law, and in brackets the errors of the quadratic, of the Gaussian
+    process and of the authors' model:
     smooth 0.31 / 1.04 (1.39 / 1.65, 1.26 / 0.74, 2.11 / 8.13); braked 0.57 / 1.53 (0.25 / 1.71, 1.21 / 5.90, 2.15 /
     2.31), with a_b = 0.99 where the displaced volume gives 1; both signs 0.88 / 1.34 (1.59 / 4.49, 2.80 / 1.47, 2.23 /
     6.63).
     lugged 0.52 / 1.45 (1.82 / 2.78, 2.00 / 3.15, 1.75 / 4.63), where the rate accounts for 0.80 N and the trench for
-    5.5 mm; braked lugs 0.67 / 1.93 (0.97 / 3.17, 3.09 / 6.41, 1.43 / 5.03), which is the smooth wheel's pull within 0.6
-    N.
+    5.5 mm; braked lugs 0.67 / 1.93 (0.97 / 3.17, 3.09 / 6.41, 1.43 / 5.03), where the pull equals the smooth wheel's
+    pull within 0.6 N.
     slip angles 0.78 / 1.15 / 0.58 without rate (0.89 / 1.52 / 0.53, 0.85 / 1.29 / 0.59, 1.85 / 7.04 / 1.32); braked
     askew 0.94 / 1.93 / 1.42 (0.61 / 1.95 / 0.66, 0.67 / 0.73 / 1.00, 2.55 / 2.33 / 2.36); lugs askew 0.72 / 1.18 / 0.69
     (1.04 / 2.03 / 0.75, 0.66 / 1.52 / 0.73, 1.77 / 3.71 / 1.64). The flank without its heap of sand: 0.54, 1.81 and
-    0.74 N sideways, at B = 2.3 to 3.1 instead of 1.2 to 1.4.
-    lugged from smooth: 2.14 / 8.3 without lugs, 2.14 / 2.1 with their trench, 0.45 / 1.95 with their grip as well
-    (fitted to this set; with m = 0.7 0.93 / 1.93). Sand at its angle of repose predicts too much pull, 4.42 / 1.7.
+    0.74 N sideways, at B = 2.3 to 3.1 instead of 1.2 to 1.4. lugged from smooth: 2.14 / 8.3 without lugs, 2.14 / 2.1
+    with their trench, 0.45 / 1.95 with their grip as well (fitted to this set; with m = 0.7 0.93 / 1.93). Sand at its
+    angle of repose predicts too much pull, 4.42 / 1.7.
     One sand: softening, ploughing, flank, trench and grip give 0.62 to 2.05 N, 0.87 to 1.46 mm and 0.72 to 1.54 N on
-    every set. That is better than the authors' fits to each slip angle everywhere except in the pull of braked lugs. A
-    smooth rim that slides (m) instead of the grip leaves an error of 4.4 N for braked lugs: when braked, lugs have no
-    effect.
-    From the others: 0.65 to 2.04 N, 0.87 to 1.91 mm, 0.79 to 1.26 N sideways. This meets the target in the median set
-    and in every set. The Gaussian process is better in pull where a similar set is among the others (smooth, lugged,
-    both braked sets), and is off by up to 8 mm and 8 N where no similar set exists.
+    every set. These errors are smaller than the errors of the authors' fits to each slip angle everywhere except in the
+    pull of braked lugs. A smooth rim that slides (m) instead of the grip leaves an error of 4.4 N for braked lugs: when
+    braked, lugs have no effect.
+    From the others: the errors are 0.65 to 2.04 N in pull, 0.87 to 1.91 mm in sinkage and 0.79 to 1.26 N in side force.
+    They meet the targets in the median set and in every set. The Gaussian process predicts the pull better if a similar
+    set is among the other six sets (smooth, lugged, both braked sets), and is wrong by up to 8 mm and 8 N if no similar
+    set exists.
     Pressings: the smooth wheel's sand carries the lugged wheel, measured from the lug tips down and with full pockets,
     within 23 % in each of four trials. In the fit the pressings change no set's error by more than 3 %.
     Targets missed: the side force of all three sets askew, by 0.08, 0.62 and 0.09 N; the sinkage of braked askew and
@@ -50,9 +52,9 @@ What the paper says
     "the digging and sinking process is not modeled in the simulation" (section 4.2); it has no side force.
 What differs
     The forms of all laws, and kappa, d, k_f, l, e_b and h_g, were chosen with these seven sets known. "Held out"
-    therefore refers to levels and sets, not to wheels or sands: read the comparison of forms, and wait for another bed.
-    The travel speed is 10 mm/s throughout, so rim speed and slip change together, and the effect assigned to
-    RateDependence may be an effect of large slip. gamma is that of the declared density.
+    therefore refers to levels and sets, not to wheels or sands: the study compares forms of laws, and a test on another
+    bed is still missing. The travel speed is 10 mm/s throughout, so rim speed and slip change together, and the effect
+    assigned to RateDependence may be an effect of large slip. gamma follows from the declared density.
 
 Run: python studies/wheel_laws.py [--quick] [--out DIR]
 """

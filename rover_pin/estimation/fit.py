@@ -244,7 +244,7 @@ def fit(
         arrays = task.experiment.cached_arrays(request, lambda: problem.solution(start))
     except np.linalg.LinAlgError as error:
         raise OptimisationError(
-            f"the equations of the fit are singular ({error}): the data cannot separate its parameters; fit fewer of them.",
+            f"the equations of the fit are singular ({error}): the data cannot separate all parameters; fit fewer.",
             status=str(error),
         ) from error
     # The derivatives at the end are handed on by name, so that the next fit with more or fewer parameters can start

@@ -147,7 +147,8 @@ def drive_points(
     if scatter > 1.0 / sampling.levels:
         raise DataError(
             f"{log.folder}: the slip of a window of {length:g} s scatters by {scatter:.2g}, more than the "
-            f"width {1.0 / sampling.levels:g} of a slip class: drive longer at constant duty, or track the rover more finely."
+            f"width {1.0 / sampling.levels:g} of a slip class: drive longer at constant duty, or track the rover more "
+            "finely."
         )
     # Where the arc follows from the load, windows of different loads are different points.
     lag, angles = lag or usual_slip(rover), usual_angles(rover, log.metadata.angles)
