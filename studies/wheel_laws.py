@@ -29,9 +29,9 @@ Result
     slip angles 0.78 / 1.15 / 0.58 without rate (0.89 / 1.52 / 0.53, 0.85 / 1.29 / 0.59, 1.85 / 7.04 / 1.32); braked
     askew 0.94 / 1.93 / 1.42 (0.61 / 1.95 / 0.66, 0.67 / 0.73 / 1.00, 2.55 / 2.33 / 2.36); lugs askew 0.72 / 1.18 / 0.69
     (1.04 / 2.03 / 0.75, 0.66 / 1.52 / 0.73, 1.77 / 3.71 / 1.64). The flank without its heap of sand: 0.54, 1.81 and
-    0.74 N sideways, at B = 2.3 to 3.1 instead of 1.2 to 1.4. lugged from smooth: 2.14 / 8.3 without lugs, 2.14 / 2.1
-    with their trench, 0.45 / 1.95 with their grip as well (fitted to this set; with m = 0.7 0.93 / 1.93). Sand at its
-    angle of repose predicts too much pull, 4.42 / 1.7.
+    0.74 N sideways, at B = 2.3 to 3.1 instead of 1.2 to 1.4.
+    lugged from smooth: 2.14 / 8.3 without lugs, 2.14 / 2.1 with their trench, 0.45 / 1.95 with their grip as well
+    (fitted to this set; with m = 0.7 0.93 / 1.93). Sand at its angle of repose predicts too much pull, 4.42 / 1.7.
     One sand: softening, ploughing, flank, trench and grip give 0.62 to 2.05 N, 0.87 to 1.46 mm and 0.72 to 1.54 N on
     every set. These errors are smaller than the errors of the authors' fits to each slip angle everywhere except in the
     pull of braked lugs. A smooth rim that slides (m) instead of the grip leaves an error of 4.4 N for braked lugs: when
