@@ -137,12 +137,29 @@ def ground_map(
     study = Study("map", name, axes, Grid(), settings={**settings, "duration": first.duration}, trust=trust)
     drives = sweep(study, out, workers=workers, scheduler=scheduler, case_function=drive_from, picture=False)
 
+    # One group for each place and heading; its rows are the models. Slip and energy of a group are quantiles over the
+    # models. A rover that does not move forward gets an infinite energy per metre, because NaN would be left out of the
+    # quantiles.
+    numeric = dict.fromkeys(("slip", "energy_J_per_m", "stuck"), float)
+    done = drives.table[drives.table["error"].isna()].astype(numeric).fillna({"energy_J_per_m": math.inf})
+    headings = done.groupby(list(START))
+    quantiles = {"": 0.5, "_95": 0.95} if len(models) > 1 else {"": 0.5}
+    numbers = {
+        f"{column}{end}": headings[column].quantile(share, interpolation="higher")
+        for end, share in quantiles.items()
+        for column in ("slip", "energy_J_per_m")
+    }
+    numbers["p_stuck" if len(models) > 1 else "stuck"] = headings["stuck"].mean()
+    # Each place gets the largest values over its headings. Levels 0 and 1 are x and y, so the maximum is over the
+    # headings.
+    worst = pd.DataFrame(numbers).groupby(level=[0, 1]).max().rename_axis(["x_m", "y_m"])
+
     # One row per place: the terrain itself, then the worst heading.
     x, y = np.meshgrid(places.x, places.y, indexing="ij")
     slope, roughness = slope_and_roughness(terrain, x, y, length)
     ground = {"slope_deg": np.degrees(slope).ravel(), "roughness_mm": 1e3 * roughness.ravel()}
     index = pd.MultiIndex.from_product([places.x, places.y], names=["x_m", "y_m"])
-    table = pd.DataFrame(ground, index=index).join(_worst_heading(drives.table, len(models))).reset_index()
+    table = pd.DataFrame(ground, index=index).join(worst).reset_index()
 
     bands = {column: table[column].to_numpy(float).reshape(x.shape) for column in table.columns[2:]}
     used = f"{len(models)} models" if models else "one model"
@@ -243,25 +260,3 @@ def _cached_scenario(name: str, settings: str, trust: Trust) -> Scenario:
     Consecutive drives of a map use one model, so that its scenario is built only once.
     """
     return dataclasses.replace(scenario(name, **json.loads(settings), trust=trust), symmetric=False)
-
-
-def _worst_heading(drives: pd.DataFrame, models: int) -> pd.DataFrame:
-    """Return slip, energy per metre and probability of getting stuck for each place, each for the worst heading.
-
-    For each place and heading, slip and energy are quantiles over the models; then the largest value over the headings
-    is taken. `drives` has one row for each drive, and `models` is the number of models.
-    """
-    numeric = dict.fromkeys(("slip", "energy_J_per_m", "stuck"), float)
-    # A rover that does not move forward needs infinite energy per metre. NaN would be left out of the quantiles.
-    done = drives[drives["error"].isna()].astype(numeric).fillna({"energy_J_per_m": math.inf})
-    # One group for each place and heading; its rows are the models.
-    headings = done.groupby(list(START))
-    quantiles = {"": 0.5, "_95": 0.95} if models > 1 else {"": 0.5}
-    numbers = {
-        f"{name}{end}": headings[name].quantile(share, interpolation="higher")
-        for end, share in quantiles.items()
-        for name in ("slip", "energy_J_per_m")
-    }
-    numbers["p_stuck" if models > 1 else "stuck"] = headings["stuck"].mean()
-    # Levels 0 and 1 are x and y, so the maximum is over the headings.
-    return pd.DataFrame(numbers).groupby(level=[0, 1]).max().rename_axis(["x_m", "y_m"])

@@ -66,7 +66,22 @@ def conclude(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     if isinstance(search, Search):
         return with_next(question, verdict_of(question, search.beliefs(), progress, seed), progress)
     verdict = with_next(question, verdict_of(question, search.explore(), progress, seed), progress)
-    return with_draft(verdict, lambda fitted: _try_draft(question, search, verdict.named, fitted), seed)
+
+    def drafted_effect(fitted: Fit) -> Draft | None:
+        # The residual of the kept model is described as a drafted effect, and this effect is fitted together with the
+        # causes of the model. The result is None if no formula describes the residual.
+        drafted = question.draft(fitted)
+        if drafted is None:
+            return None
+        text, candidate = drafted
+        # The trial compares the evidence of the kept causes with and without the drafted effect.
+        without = search.beliefs().best(verdict.named)
+        if not search.fit((*without.causes, candidate.cause)):
+            return draft_of(text, fitted, None, -math.inf)
+        with_it = search.beliefs().best((*verdict.named, candidate.name))
+        return draft_of(text, fitted, with_it.fit, with_it.log_evidence - without.log_evidence)
+
+    return with_draft(verdict, drafted_effect, seed)
 
 
 def fits_of(question: Question, progress: Progress) -> Explorer | Search:
@@ -106,25 +121,6 @@ def with_draft(verdict: Verdict, drafted: Callable[[Fit], Draft | None], seed: i
         return verdict
     draft = drafted(verdict.after.fit)
     return verdict if draft is None else replace(verdict, draft=score_draft(draft, verdict.after.fit, seed))
-
-
-def _try_draft(question: Question, explorer: Explorer, named: tuple[str, ...], fitted: Fit) -> Draft | None:
-    """Describe the residual of the kept model as a drafted effect, and fit this effect together with the causes of the
-    model.
-
-    `named` are the names of these causes, and `fitted` is the fit of the kept model. The result is None if no formula
-    describes the residual.
-    """
-    drafted = question.draft(fitted)
-    if drafted is None:
-        return None
-    text, candidate = drafted
-    # The trial compares the evidence of the kept causes with and without the drafted effect.
-    without = explorer.beliefs().best(named)
-    if not explorer.fit((*without.causes, candidate.cause)):
-        return draft_of(text, fitted, None, -math.inf)
-    with_it = explorer.beliefs().best((*named, candidate.name))
-    return draft_of(text, fitted, with_it.fit, with_it.log_evidence - without.log_evidence)
 
 
 def search_of(question: Question, progress: Progress) -> Search:

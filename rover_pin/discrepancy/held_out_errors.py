@@ -15,7 +15,6 @@ import numpy as np
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.base.public import brief
-from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import STRETCH_BLOCKS, Fit, fit
 from rover_pin.estimation.least_squares import Task
 from rover_pin.estimation.noise import Noise, rms_of
@@ -158,30 +157,6 @@ def held_out(before: Fit, after: Fit, noise: Noise, seed: int) -> HeldOut:
     pair = (first, first if after is before else held_out_residual(after))
     random = np.random.default_rng(seed)
     experiment = after.task.experiment
-    channel_scores = _channel_scores(experiment, noise, pair, random)
-    # The error of a fold adds the losses of whitened residuals, so that all channels of the fold can be added.
-    losses = np.zeros((2, *noise.good.shape))
-    for side, residual in enumerate(pair):
-        losses[side][noise.good] = huber_losses(noise.white(residual))
-    run_scores = []
-    for fold, run in enumerate(experiment.folds):
-        count = max(int(noise.good[fold].sum()), 1)
-        sums = losses[:, fold].sum(axis=1)
-        # Power 1: the error of a run is a chi2 already, not an RMS.
-        low, high, _ = _change_interval(_stretch_sums(sums), 1.0, random)
-        was, now = (float(total) / count for total in sums.sum(axis=1))
-        run_scores.append(RunScore(run, count, was, now, low, high))
-    return HeldOut(channel_scores, tuple(run_scores))
-
-
-def _channel_scores(
-    experiment: Experiment, noise: Noise, pair: tuple[np.ndarray, np.ndarray], random: np.random.Generator
-) -> tuple[ChannelScore, ...]:
-    """Return the held-out error of each channel.
-
-    `pair` holds the held-out residuals (folds, channels, samples) before and after causes were added to the model, and
-    `random` draws the bootstrap samples.
-    """
     good, scores, floor = noise.good, [], noise.lower_bound(experiment.floor())
     resampled = "runs" if experiment.is_timed else "folds"
     for row, name in enumerate(experiment.channels):
@@ -208,7 +183,19 @@ def _channel_scores(
         scores.append(
             ChannelScore(name, unit, float(floor[row]), was, now, *interval, levels, resampled, lost, joint_low)
         )
-    return tuple(scores)
+    # The error of a fold adds the losses of whitened residuals, so that all channels of the fold can be added.
+    losses = np.zeros((2, *noise.good.shape))
+    for side, residual in enumerate(pair):
+        losses[side][noise.good] = huber_losses(noise.white(residual))
+    run_scores = []
+    for fold, run in enumerate(experiment.folds):
+        count = max(int(noise.good[fold].sum()), 1)
+        sums = losses[:, fold].sum(axis=1)
+        # Power 1: the error of a run is a chi2 already, not an RMS.
+        low, high, _ = _change_interval(_stretch_sums(sums), 1.0, random)
+        was, now = (float(total) / count for total in sums.sum(axis=1))
+        run_scores.append(RunScore(run, count, was, now, low, high))
+    return HeldOut(tuple(scores), tuple(run_scores))
 
 
 def _change_interval(

@@ -86,7 +86,17 @@ class FlankPressure(Effect):
         built = mobilised_both_ways(j_y / self.k_f)
         # A spinning rim carries sand away from its side, which weakens the pressure.
         share = self.share * ca.exp(-self.lost * spinning(contact.S, contact.S_y))
-        most = share * self._passive(theta_1, r, soil.c, contact.wheel.b * ca.fmax(h, 0.0) / 2.0, aside)
+        # Passive force of the soil on the buried segment of the disc, with a heap of the displaced sand next to the
+        # disc. `depth` and `square` are the integrals of h and h^2 over the segment. The height of the heap follows
+        # from its cross-section: half the cross-section of the rut, and the part that the segment sweeps aside.
+        cos, sin, wall, slope = ca.cos(theta_1), ca.sin(theta_1), passive(self.phi_f), ca.tan(self.phi_f)
+        depth = r * r * ca.fmax(theta_1 - sin * cos, 0.0)
+        square = r * r * r * ca.fmax(2.0 * sin - 2.0 / 3.0 * sin**3 - 2.0 * theta_1 * cos, 0.0)
+        half_rut = contact.wheel.b * ca.fmax(h, 0.0) / 2.0
+        heap = ca.sqrt(2.0 * slope * (half_rut + depth * aside) + SMOOTHING)
+        # Weight of the sliding wedge and of the heap on it, whose height falls off along the wedge.
+        wedge = heap * depth + (1.0 - wall.cot_X * slope) * square / 2.0
+        most = share * (wall.D_1 * (soil.c * depth + self.gamma * wall.cot_X * ca.fmax(wedge, 0.0)))
         # Rounded absolute value of the pressure, so that the rubbing force has no corner at straight travel.
         size = most * (ca.sqrt(built * built + ROUNDING**2) - ROUNDING)
         arm = r - PRESSURE_CENTRE * ca.fmax(h, 0.0)
@@ -94,19 +104,3 @@ class FlankPressure(Effect):
         along = contact.v_x - contact.rim * arm / r
         rubbing = ca.tan(soil.phi) * size * along / ca.sqrt(along * along + contact.v_y * contact.v_y + u * u)
         return Load(f_t=-rubbing, f_y=-most * built, torque=-rubbing * arm)
-
-    def _passive(self, theta_1: Scalar, r: Scalar, c: Scalar, half_rut: Scalar, aside: Scalar) -> Scalar:
-        """Return the passive force of the soil on the buried segment of the disc [N], with a heap of the displaced sand
-        next to the disc.
-
-        `theta_1` is the entry angle, `r` the wheel's radius and `c` the cohesion. `half_rut` is the cross-section of
-        half the rut [m^2], and `aside` the fraction of the travel that goes sideways [-].
-        """
-        # Integrals of h and h^2 over the segment, then the height of the heap from the volume of its sand.
-        cos, sin, wall, slope = ca.cos(theta_1), ca.sin(theta_1), passive(self.phi_f), ca.tan(self.phi_f)
-        depth = r * r * ca.fmax(theta_1 - sin * cos, 0.0)
-        square = r * r * r * ca.fmax(2.0 * sin - 2.0 / 3.0 * sin**3 - 2.0 * theta_1 * cos, 0.0)
-        heap = ca.sqrt(2.0 * slope * (half_rut + depth * aside) + SMOOTHING)
-        # Weight of the sliding wedge and of the heap on it, whose height falls off along the wedge.
-        wedge = heap * depth + (1.0 - wall.cot_X * slope) * square / 2.0
-        return wall.D_1 * (c * depth + self.gamma * wall.cot_X * ca.fmax(wedge, 0.0))

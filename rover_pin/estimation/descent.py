@@ -132,7 +132,15 @@ def descend(problem: Problem, start: np.ndarray, gain: float = MIN_FALL, most: i
         if not is_end:
             trial = problem.evaluate(_step_to_bound(point.u, step, low, high))
             fall, promised = point.chi2 - trial.chi2, point.promised_fall(trial.u - point.u)
-            radius, is_short = _next_radius(radius, trial.u - point.u, fall, promised), is_short or not fall > 0
+            # The usual limits of trust-region methods: if the decrease of chi2 is below 25 % of the predicted one, the
+            # linear model reaches too far, and the radius becomes a quarter of the step's length. Above 75 % the model
+            # may reach farther, and the radius becomes at least twice this length.
+            length = float(np.linalg.norm(trial.u - point.u))
+            if not fall > promised / 4:
+                radius = length / 4
+            elif fall > 0.75 * promised:
+                radius = max(radius, 2 * length)
+            is_short = is_short or not fall > 0
             # After a failed step, the radius is short and its predicted decrease small, so that the slopes are judged
             # by the predicted decrease of the full step.
             hoped = point.promised_fall(full_step(problem, point)) if is_short else promised
@@ -210,21 +218,6 @@ def _damped_step(jacobian: np.ndarray, residual: np.ndarray, radius: float) -> t
         damping += (length - radius) / radius * length / slope
         length = float(np.linalg.norm(share / (values**2 + damping)))
     return -directions.T @ (share / (values**2 + damping)), newton
-
-
-def _next_radius(radius: float, step: np.ndarray, fall: float, promised: float) -> float:
-    """Return the trust radius for the next step, from the success of the last step.
-
-    `fall` is the decrease of chi2 by the last step, and `promised` the decrease that the linear model predicted. If
-    `fall` is less than a quarter of `promised`, the radius becomes a quarter of the length of the last step. If `fall`
-    exceeds 75 % of `promised`, the radius becomes at least twice this length. Otherwise the radius stays.
-    """
-    # The usual limits of trust-region methods: below 25 % of the predicted decrease the linear model reaches too far,
-    # above 75 % it may reach farther.
-    length = float(np.linalg.norm(step))
-    if not fall > promised / 4:
-        return length / 4
-    return max(radius, 2 * length) if fall > 0.75 * promised else radius
 
 
 def _step_to_bound(u: np.ndarray, step: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -193,34 +193,27 @@ def noise_of(residual: np.ndarray, good: np.ndarray, least: np.ndarray, absorbed
         step = taken * (1 + rho[row] ** 2) - 2 * rho[row] * lagged
         given_back[row] = max(step, 0.0) / (sd[row] ** 2 * (1 - rho[row] ** 2))
     plain = Noise(sd, rho, np.eye(channels), good, least=least)
-    return replace(plain, mixing=_mixing(plain, residual, given_back))
-
-
-def _mixing(plain: Noise, residual: np.ndarray, given_back: np.ndarray) -> np.ndarray:
-    """Return the matrix (channels, channels) that removes the correlations between channels from whitened residuals.
-
-    The matrix is the inverse Cholesky factor of the correlations between the channels' innovations (see `innovations`),
-    which are first reduced by CORRELATION_SHRINKAGE. `given_back` (channels,) is the variance of the innovations that a
-    fit absorbed. This variance is added to the variance of each channel, but not to the covariances, because it belongs
-    to one channel alone.
-    """
-    # Correlations are estimated from innovations in SDs, clipped at 3 SD, because outliers would dominate the products.
+    # Correlations between channels are estimated from innovations (see `innovations`) in SDs, clipped at 3 SD, because
+    # outliers would dominate the products.
     rows: np.ndarray = np.full(residual.shape, np.nan)
-    rows[plain.good] = np.clip(plain.white(residual), -3, 3)
-    table = np.moveaxis(rows, 1, 0).reshape(residual.shape[1], -1)
+    rows[good] = np.clip(plain.white(residual), -3, 3)
+    table = np.moveaxis(rows, 1, 0).reshape(channels, -1)
     finite = np.isfinite(table)
     filled = np.where(finite, table, 0.0)
     shared = np.maximum(finite.astype(float) @ finite.T, 1.0)
     covariance = filled @ filled.T / shared
-    size = np.maximum(np.sqrt(np.diag(covariance) + given_back), plain.least / plain.sd)
+    # The absorbed variance is added to the variance of each channel, but not to the covariances, because it belongs to
+    # one channel alone. The correlations are reduced by CORRELATION_SHRINKAGE.
+    size = np.maximum(np.sqrt(np.diag(covariance) + given_back), least / sd)
     correlation = (1 - CORRELATION_SHRINKAGE) * covariance / np.outer(size, size)
     np.fill_diagonal(correlation, 1.0)
     # Pairs of channels may be compared on different blocks, and their correlations may then contradict each other:
     # eigenvalues of at least 0.05 keep the matrix positive definite.
     values, vectors = np.linalg.eigh(correlation)
     sound = (vectors * np.maximum(values, 0.05)) @ vectors.T
+    # The inverse Cholesky factor removes the correlations between channels from whitened residuals.
     lower = np.linalg.cholesky(sound)
-    return np.asarray(np.linalg.inv(lower) / size)
+    return replace(plain, mixing=np.asarray(np.linalg.inv(lower) / size))
 
 
 def rms_of(table: np.ndarray, good: np.ndarray) -> np.ndarray:

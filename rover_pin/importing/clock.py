@@ -202,15 +202,9 @@ def clocks(
         if rank <= max(best, 2)
         for clock in _in_units(table[item.name], item, rank, even)
     ]
-    if not options:
-        raise DataError(f"{path}: {_no_clock(table, words, texts)}")
-    return options
-
-
-def _no_clock(table: pd.DataFrame, words: Sequence[Word], texts: Mapping[str, str]) -> str:
-    """Return the error text for a recording without a clock. The text states why each column whose name means time is
-    not usable.
-    """
+    if options:
+        return options
+    # Without a clock, the error states why each column whose name means time is not usable.
     reasons = []
     for item in words:
         if _rank(item) < 3:
@@ -228,9 +222,11 @@ def _no_clock(table: pd.DataFrame, words: Sequence[Word], texts: Mapping[str, st
     ]
     advice = "give --column t_s='COLUMN', or --column t_s='row / RATE' if the rows are evenly spaced in time"
     if reasons:
-        return f"the clock cannot be read: {'; '.join(reasons)}. Export the clock with more digits, or {advice}."
-    return (
-        f"no column can be the clock: no column is named time, stamp or t_s, and none of the columns "
+        raise DataError(
+            f"{path}: the clock cannot be read: {'; '.join(reasons)}. Export the clock with more digits, or {advice}."
+        )
+    raise DataError(
+        f"{path}: no column can be the clock: no column is named time, stamp or t_s, and none of the columns "
         f"{', '.join(item.name for item in words)} increases evenly from row to row. To state the clock, {advice}."
     )
 

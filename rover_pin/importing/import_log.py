@@ -40,6 +40,13 @@ MAX_RUNS = 12
 """Maximum number of runs of an imported log, unless the user asks for more. Runs are costly, because the search for
 missing effects simulates each of them hundreds of times."""
 
+INTERPRETED = (
+    "body_x", "body_y", "body_z", "body_roll", "body_pitch", "body_yaw", "wheel_rate_", "current_", "raw_current_",
+    "duty_", "steer_", "rocker_", "bogie_", "gyro_", "accelerometer_",
+)  # fmt: skip
+"""Beginnings of the names of the channels whose columns, units and signs the importer chooses. All other channels, such
+as `battery_V`, are read from a column with their own name."""
+
 LARGE = 5_000_000
 """Maximum size of a file [bytes] that is read without an announcement. Reading a larger file takes long, so the program
 announces it."""
@@ -260,18 +267,23 @@ def _write_log(
             f"{len(picks)} of {len(pieces)} runs are kept, {times:.0f} s of {total:.0f} s. These runs are the most "
             "informative on slip, slope, turns and wheel rates. The option --most keeps more runs"
         )
-    runs, base = list(_runs(picks, mapping)), base_of(loaded_rover)
-    unused = f"{sources[0].path.name}: columns not used: {', '.join(mapping.unused[:30])}" if mapping.unused else ""
+    wheels = [mount.name for mount in loaded_rover.wheels]
+    written = _written_columns(sources[0].table, mapping, wheels)
+    guesses = tuple(_renamed(guess, written) for guess in mapping.guesses)
+    runs, base = list(_runs(picks, mapping, written)), base_of(loaded_rover)
+    # A channel that the importer does not interpret is read by its own name, so that it is used.
+    idle = [name for name in mapping.unused if name not in written or not is_column(name, wheels)]
+    unused = f"{sources[0].path.name}: columns not used: {', '.join(idle[:30])}" if idle else ""
     of_files = (note for source in sources for note in source.notes)
     notes = tuple(dict.fromkeys(filter(None, (*of_files, *mapping.notes, *remarks, unused))))
-    names = {*next(iter(mapping.values.values())), *map(str, sources[0].table.columns)}
+    names = {*next(iter(mapping.values.values())), *written}
     duties = [mount for mount in loaded_rover.wheels if f"duty_{mount.name}" in names]
     sheet = Sheet(
         folder.name,
         f"imported from {', '.join(source.path.name for source in sources)}",
         named_from(folder, rover),
-        [mount.name for mount in loaded_rover.wheels],
-        mapping.guesses,
+        wheels,
+        guesses,
         runs,
         [*notes, *(f"Lacks {lack}." for lack in mapping.lacks)],
         any(guess.target in ("body_pitch", "body_z") for guess in mapping.guesses),
@@ -285,9 +297,36 @@ def _write_log(
     return ImportResult(tuple(files), tuple(guess_lines(mapping.guesses)), purposes, mapping.lacks, notes)
 
 
-def _runs(pieces: Sequence[_Piece], mapping: Matching) -> Iterator[Run]:
+def _written_columns(table: pd.DataFrame, mapping: Matching, wheels: Sequence[str]) -> dict[str, str]:
+    """Return the recorded columns that the files of the log hold: name in the recording -> name in the log.
+
+    The reader of a log takes each column with a channel's name for that channel, whatever its unit and sign are. For
+    channels that the importer interprets (INTERPRETED), such a column is therefore left out if no channel uses it, and
+    gets another name if it is the source of another channel, as `bogie_l_deg` is for `bogie_l`.
+    """
+    own = {guess.target for guess in mapping.guesses if guess.entry.get("column") == guess.target}
+    formulas = " ".join(str(guess.entry.get("formula", "")) for guess in mapping.guesses)
+    written = {}
+    for name in map(str, table.columns):
+        is_channel = is_column(name, wheels) and name.startswith(INTERPRETED) and name not in own
+        if name == "t_s" or (is_channel and name in mapping.unused):
+            continue
+        # A formula names its columns in its text, which stays as it is.
+        written[name] = f"recorded {name}" if is_channel and name not in formulas else name
+    return written
+
+
+def _renamed(guess: Guess, written: Mapping[str, str]) -> Guess:
+    """Return a guess whose source is the column under its name in the log, of `written`."""
+    source = guess.entry.get("column")
+    return guess if source is None else guess._replace(entry={**guess.entry, "column": written.get(source, source)})
+
+
+def _runs(pieces: Sequence[_Piece], mapping: Matching, written: Mapping[str, str]) -> Iterator[Run]:
     """Yield the runs of the imported log with their names. A run has the name of its recording, and a number if there
     are several.
+
+    `written` maps the recorded columns of a run's file to their names in it.
     """
     taken: set[str] = set()
     for path, recording in mapping.recordings.items():
@@ -297,7 +336,7 @@ def _runs(pieces: Sequence[_Piece], mapping: Matching) -> Iterator[Run]:
         taken.add(stem)
         for at, part in enumerate(mine, 1):
             t, table = recording.t[part.first : part.last], recording.table.iloc[part.first : part.last]
-            columns = {str(name): table[name].to_numpy(dtype=float) for name in table if name != "t_s"}
+            columns = {name: table[source].to_numpy(dtype=float) for source, name in written.items()}
             name = f"{stem}-{at:02d}" if len(mapping.recordings) > 1 or len(mine) > 1 else stem
             purpose = f"{t[-1] - t[0]:.0f} s from {t[0]:.1f} s of {path.name}"
             yield Run(name, purpose, {"t_s": np.asarray(t - t[0]), **columns})

@@ -181,7 +181,17 @@ def log_likelihood(blocks: Signals, options: Options) -> np.ndarray:
         pace = relation(rims_varying @ varying, np.linalg.norm(varying), np.linalg.norm(rims_varying, axis=1), n, None)
         ratio = scale_evidence(np.linalg.norm(ours), np.linalg.norm(theirs, axis=1), n, LOG_GROUND, free)
         result[p][by_course] = pace + ratio
-        result[p] += _slip_evidence(velocity, blocks.climbs[p], blocks.rims)
+        # Wheels slip more uphill, so that log |rim speed / ground velocity| grows with the slope. This relation decides
+        # the sign of the height. Only the sign of the relation counts. Its strength is no evidence that a coordinate is
+        # the height: a wrong coordinate taken as height also removes distance from the plane, and so correlates with
+        # the slip.
+        advances = (ours > 0.3 * np.max(ours)) & np.all(blocks.rims != 0.0, axis=0)
+        if advances.sum() >= MIN_ROWS:
+            slope = (blocks.climbs[p] / np.maximum(ours, 1e-12))[advances]
+            log_ratios = np.log(np.abs(blocks.rims[:, advances]) / ours[advances])
+            slope, log_ratios = slope - slope.mean(), log_ratios - log_ratios.mean(axis=1, keepdims=True)
+            effective = np.array([independent(slope, row) for row in log_ratios])
+            result[p] += sense(log_ratios @ slope, np.linalg.norm(log_ratios, axis=1), np.linalg.norm(slope), effective)
         # The rims may agree with the turn of the heading or of the course. Squaring the ratio of successive velocities
         # removes the half turn of the course when the rover reverses.
         moves = np.abs(velocity) > 0.3 * np.median(np.abs(velocity))
@@ -190,34 +200,6 @@ def log_likelihood(blocks: Signals, options: Options) -> np.ndarray:
         result[p] += np.maximum(turning, turn_evidence(np.array([course]), blocks, free))
     result[:, :, ~free & (blocks.fastest > MAX_SPEED)] = -np.inf
     return result
-
-
-def _slip_evidence(velocity: np.ndarray, climb: np.ndarray, rims: np.ndarray) -> np.ndarray:
-    """Return the log Bayes factor that the wheels slip more uphill, for each of w possible sets of wheel rates (w,).
-
-    The factor is large if log |v / c| grows with the slope, where v is the rim speed and c the ground velocity. It
-    decides the sign of the height.
-
-    Only the sign of the relation counts. Its strength is no evidence that a coordinate is the height: a wrong
-    coordinate taken as height also removes distance from the plane, and so correlates with the slip.
-
-    Parameters
-    ----------
-    velocity : complex array (n,)
-        Ground velocity [m/s].
-    climb : array (n,)
-        Rate of rise [m/s].
-    rims : array (w, n)
-        Mean rim speed [m/s].
-    """
-    size = np.abs(velocity)
-    moves = (size > 0.3 * np.max(size)) & np.all(rims != 0.0, axis=0)
-    if moves.sum() < MIN_ROWS:
-        return np.zeros(len(rims))
-    slope, ratio = (climb / np.maximum(size, 1e-12))[moves], np.log(np.abs(rims[:, moves]) / size[moves])
-    slope, ratio = slope - slope.mean(), ratio - ratio.mean(axis=1, keepdims=True)
-    n = np.array([independent(slope, row) for row in ratio])
-    return sense(ratio @ slope, np.linalg.norm(ratio, axis=1), np.linalg.norm(slope), n)
 
 
 def turn_evidence(turns: np.ndarray, blocks: Signals, free: np.ndarray) -> np.ndarray:

@@ -81,7 +81,18 @@ def on_common_clock(
     # series lie side by side. Otherwise all columns are on one clock already.
     if has_alternating_rows:
         row_clock = declared if declared in clocks else next(iter(row_clocks), "")
-        series = [_alternating(path, table, clocks, row_clock, names) for names in _groups(table, data)]
+        # Columns that have numbers in common rows form one series. Up to 5 % of the rows may differ, because single
+        # cells of a message may be missing.
+        groups: list[tuple[np.ndarray, list[str]]] = []
+        for name in data:
+            known = np.isfinite(table[name].to_numpy(dtype=float))
+            for mask, names in groups:
+                if np.sum(known != mask) <= 0.05 * max(np.sum(known | mask), 1):
+                    names.append(name)
+                    break
+            else:
+                groups.append((known, [name]))
+        series = [_alternating(path, table, clocks, row_clock, names) for _, names in groups]
     elif len(clocks) > 1 and not declared and not _same_instants(clocks):
         row_clock, series = "", _side_by_side(table, clocks, data)
     else:
@@ -154,24 +165,6 @@ def _is_sparse(values: np.ndarray) -> bool:
 def _increases(t: np.ndarray) -> bool:
     """Return whether a column of times increases in more than 90 % of its rows."""
     return bool(np.mean(is_ahead(t)[np.isfinite(t)]) > 0.9) if np.isfinite(t).any() else False
-
-
-def _groups(table: pd.DataFrame, data: Sequence[str]) -> list[tuple[str, ...]]:
-    """Return the columns grouped into series, that is, into groups of columns that have numbers in common rows.
-
-    Up to 5 % of the rows of a group may differ.
-    """
-    # A few differing rows are allowed, because single cells of a message may be missing.
-    groups: list[tuple[np.ndarray, list[str]]] = []
-    for name in data:
-        known = np.isfinite(table[name].to_numpy(dtype=float))
-        for mask, names in groups:
-            if np.sum(known != mask) <= 0.05 * max(np.sum(known | mask), 1):
-                names.append(name)
-                break
-        else:
-            groups.append((known, [name]))
-    return [tuple(names) for _, names in groups]
 
 
 def _alternating(

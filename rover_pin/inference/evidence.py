@@ -83,20 +83,11 @@ def posterior(errors: ErrorModel, linear: Linear, start: np.ndarray | None = Non
     parts = _parts(errors, linear, eta)
     count = len(eta)
     # Curvature of the negative log posterior of the scales: that of the prior plus the expected one of the likelihood.
-    information = np.diag(errors.sd**-2.0) + _expected_curvature(parts, count)
-    log_evidence = -parts.loss + 0.5 * count * math.log(2 * math.pi) - 0.5 * float(np.linalg.slogdet(information)[1])
-    return Posterior(log_evidence, eta, parts.mean, parts.covariance)
-
-
-def _expected_curvature(parts: _Parts, count: int) -> np.ndarray:
-    """Return the expected second derivatives of the negative log likelihood by eta, the logarithms of the scales
-    (count, count).
-
-    Its element for the scales i and j is 1/2 tr(K^-1 dK_i K^-1 dK_j), with K = C + J J', the covariance C of the errors
-    and the derivatives J of the prediction by u. Blocks of samples are correlated through the parameters that they
-    share: between two blocks, K^-1 is -W V W', with W = C^-1 J and the posterior covariance V of u.
-    """
-    information = np.zeros((count, count))
+    # The expected curvature has the element 1/2 tr(K^-1 dK_i K^-1 dK_j) for the scales i and j, with K = C + J J', the
+    # covariance C of the errors and the derivatives J of the prediction by u. Blocks of samples are correlated through
+    # the parameters that they share: between two blocks, K^-1 is -W V W', with W = C^-1 J and the posterior covariance
+    # V of u.
+    expected = np.zeros((count, count))
     # within: both derivatives in one block. between: derivatives in two blocks, coupled by the shared parameters.
     within, between = [], []
     for block in parts.blocks:
@@ -108,8 +99,10 @@ def _expected_curvature(parts: _Parts, count: int) -> np.ndarray:
     pairs = [*((products, products) for products in within), *itertools.permutations(between, 2)]
     for first, second in pairs:
         for (i, row), (j, column) in itertools.product(first.items(), second.items()):
-            information[i, j] += 0.5 * float(np.sum(row * column.T))
-    return information
+            expected[i, j] += 0.5 * float(np.sum(row * column.T))
+    information = np.diag(errors.sd**-2.0) + expected
+    log_evidence = -parts.loss + 0.5 * count * math.log(2 * math.pi) - 0.5 * float(np.linalg.slogdet(information)[1])
+    return Posterior(log_evidence, eta, parts.mean, parts.covariance)
 
 
 def learnt_scales(errors: ErrorModel, linear: Linear, start: np.ndarray) -> np.ndarray:

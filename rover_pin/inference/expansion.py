@@ -207,8 +207,18 @@ class Expansion:
         loss, count = float(sums.loss[0]), int(sums.rows[0])
         slope, curvature = sums.slope[0][at], sums.curvature[0][np.ix_(at, at)]
         # The evidence is summed over a grid of noise scales; mean and covariance are returned for the best scale.
-        scales = self.scales
-        solved = [_laplace(loss, slope, curvature, self.u[at], count, float(scale)) for scale in scales]
+        u, solved = self.u[at], []
+        for scale in map(float, self.scales):
+            # Laplace approximation. Prior and likelihood: the prior has its centre at u = 0 and unit curvature.
+            gradient = slope / scale**2 + u
+            lower = np.linalg.cholesky(curvature / scale**2 + np.eye(len(u)))
+            inverse = np.linalg.inv(lower)
+            covariance = inverse.T @ inverse
+            # Decrease g'H^-1 g of the loss from the point of expansion to the minimum of the quadratic.
+            gain = float(np.sum((inverse @ gradient) ** 2))
+            log_evidence = -0.5 * (loss / scale**2 + float(u @ u) - gain) - float(np.log(np.diag(lower)).sum())
+            log_evidence -= count * math.log(scale)
+            solved.append(Laplace(log_evidence, scale, u - covariance @ gradient, covariance))
         totals = np.array([row.log_evidence for row in solved]) + self._scale_priors
         best = solved[int(np.argmax(totals))]
         return best._replace(log_evidence=float(np.logaddexp.reduce(totals)))
@@ -226,20 +236,3 @@ class Sums(NamedTuple):
     slope: np.ndarray
     curvature: np.ndarray
     rows: np.ndarray
-
-
-def _laplace(loss: float, slope: np.ndarray, curvature: np.ndarray, u: np.ndarray, count: int, scale: float) -> Laplace:
-    """Return the Laplace approximation of the posterior (evidence, mean and covariance of u) for one noise scale.
-
-    `loss`, `slope` and `curvature` are the sums of Huber's losses, gradients and curvatures over `count` residuals (see
-    `Sums`), and `u` are the parameter values around which the loss is expanded.
-    """
-    # Prior and likelihood: the prior has its centre at u = 0 and unit curvature.
-    gradient = slope / scale**2 + u
-    lower = np.linalg.cholesky(curvature / scale**2 + np.eye(len(u)))
-    inverse = np.linalg.inv(lower)
-    covariance = inverse.T @ inverse
-    # Decrease g'H^-1 g of the loss from the point of expansion to the minimum of the quadratic.
-    gain = float(np.sum((inverse @ gradient) ** 2))
-    log_evidence = -0.5 * (loss / scale**2 + float(u @ u) - gain) - float(np.log(np.diag(lower)).sum())
-    return Laplace(log_evidence - count * math.log(scale), scale, u - covariance @ gradient, covariance)

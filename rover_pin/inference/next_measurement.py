@@ -125,7 +125,35 @@ def expectation(offer: Offer, hypothesis: Hypothesis, first: Hypothesis) -> Offe
     noise_taken = hypothesis.noise_taken
     # A hypothesis that needed more noise than declared also expects more noise in the new measurement.
     times = np.array([noise_taken.get(name, 1.0) for name in offer.experiment.channels])
-    cross, prior = _discrepancy(offer, hypothesis)
+    # Covariances of the discrepancy: `cross` (n, samples so far) between the samples of the offer and the samples so
+    # far, and `prior` (n, n) between the samples of the offer. In the end, the samples of the offer are in SDs of the
+    # offer's noise.
+    ahead, measured, errors = offer.experiment, hypothesis.experiment, hypothesis.errors
+    samples, eta = errors.samples, hypothesis.posterior.scales
+    fold, _, sample = np.nonzero(noise.good)
+    at_channel, at_fold, at_sample = np.nonzero(samples.good)
+    # The inputs of both experiments are put on one scale, as the correlation length is in ranges of the inputs.
+    inputs, inputs_ahead = scale_inputs(measured.varied[at_fold, at_sample], ahead.varied[fold, sample])
+    sd = np.broadcast_to(noise.sd if noise.sd.ndim > 1 else noise.sd[:, None], noise.good.shape)
+    row_sd = sd[fold, channel, sample]
+    # Contribution of each cause to the prediction (causes, n): the prediction changes by it when the cause is switched
+    # off. A hypothesis without an error of form needs no contributions, so the array has no rows.
+    added = np.zeros((0, len(row_sd)))
+    if len(errors.added):
+        fit, numbers = hypothesis.fit, hypothesis.fit.parameters
+        absent = [model_at(ahead, fit.model, numbers, cause.absent(numbers, fit.u)) for cause in hypothesis.causes]
+        present, *without = (_predict(offer, offer.meets(model)) for model in (fit.model, *absent))
+        added = np.array([np.nan_to_num(present - row) for row in without]) * row_sd
+    # A discrepancy is correlated only within one channel of one campaign; elsewhere both covariances are 0.
+    names, campaigns = np.array(ahead.channels)[channel], ahead.campaigns[fold]
+    cross, prior = np.zeros((len(fold), len(samples.value))), np.zeros((len(fold), len(fold)))
+    for which, block in enumerate(samples.blocks):
+        is_channel = names == measured.channels[at_channel[block[0]]]
+        rows = np.flatnonzero(is_channel & (campaigns == measured.campaigns[at_fold[block[0]]]))
+        ahead_settings, settings = Settings(inputs_ahead[rows], added[:, rows]), errors.settings_of(which, inputs)
+        cross[np.ix_(rows, block)] = errors.smooth_between(eta, which, ahead_settings, settings)
+        prior[np.ix_(rows, rows)] = errors.smooth_between(eta, which, ahead_settings, ahead_settings)
+    cross, prior = cross / row_sd[:, None], prior / row_sd[:, None] / row_sd
     # Kriging: the residuals so far predict the discrepancy of the new samples, and reduce its variance.
     gain = np.linalg.solve(hypothesis.covariance, cross.T).T
     missed = residual(hypothesis.errors.samples.value, hypothesis.predicted)
@@ -154,41 +182,6 @@ def _predict(offer: Offer, model: Any) -> np.ndarray:
     """
     predicted = offer.experiment.predict([model])[0]
     return offer.noise.white(np.where(np.abs(predicted) == offer.experiment.stand_in, np.nan, predicted))
-
-
-def _discrepancy(offer: Offer, hypothesis: fitted.Hypothesis) -> tuple[np.ndarray, np.ndarray]:
-    """Return the covariances K and K_o of the discrepancy, for the n samples of an offer (possible next measurements).
-
-    K (n, samples so far) is the covariance between the discrepancies of the offer's samples and of the samples so far.
-    K_o (n, n) is the covariance of the discrepancy between the offer's samples. The samples of the offer are in SDs of
-    the offer's noise.
-    """
-    ahead, measured, errors = offer.experiment, hypothesis.experiment, hypothesis.errors
-    samples, eta = errors.samples, hypothesis.posterior.scales
-    fold, channel, sample = np.nonzero(offer.noise.good)
-    at_channel, at_fold, at_sample = np.nonzero(samples.good)
-    # The inputs of both experiments are put on one scale, as the correlation length is in ranges of the inputs.
-    inputs, inputs_ahead = scale_inputs(measured.varied[at_fold, at_sample], ahead.varied[fold, sample])
-    sd = np.broadcast_to(offer.noise.sd if offer.noise.sd.ndim > 1 else offer.noise.sd[:, None], offer.noise.good.shape)
-    row_sd = sd[fold, channel, sample]
-    # Contribution of each cause to the prediction (causes, n): the prediction changes by it when the cause is switched
-    # off. A hypothesis without an error of form needs no contributions, so the array has no rows.
-    added = np.zeros((0, len(row_sd)))
-    if len(errors.added):
-        fit, numbers = hypothesis.fit, hypothesis.fit.parameters
-        absent = [model_at(ahead, fit.model, numbers, cause.absent(numbers, fit.u)) for cause in hypothesis.causes]
-        present, *without = (_predict(offer, offer.meets(model)) for model in (fit.model, *absent))
-        added = np.array([np.nan_to_num(present - row) for row in without]) * row_sd
-    # A discrepancy is correlated only within one channel of one campaign; elsewhere K and K_o are 0.
-    names, campaigns = np.array(ahead.channels)[channel], ahead.campaigns[fold]
-    cross, prior = np.zeros((len(fold), len(samples.value))), np.zeros((len(fold), len(fold)))
-    for which, block in enumerate(samples.blocks):
-        is_channel = names == measured.channels[at_channel[block[0]]]
-        rows = np.flatnonzero(is_channel & (campaigns == measured.campaigns[at_fold[block[0]]]))
-        ahead_settings, settings = Settings(inputs_ahead[rows], added[:, rows]), errors.settings_of(which, inputs)
-        cross[np.ix_(rows, block)] = errors.smooth_between(eta, which, ahead_settings, settings)
-        prior[np.ix_(rows, rows)] = errors.smooth_between(eta, which, ahead_settings, ahead_settings)
-    return cross / row_sd[:, None], prior / row_sd[:, None] / row_sd
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:

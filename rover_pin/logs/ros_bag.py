@@ -294,7 +294,24 @@ class _Messages:
             for connection, received, raw in bag.messages(connections=wanted):
                 message = bag.deserialize(raw, connection.msgtype)
                 for name in topics[connection.topic]:
-                    self._take(name, message, received)
+                    source = self.sources[name]
+                    value = self._value(name, message, source.field)
+                    if value is None:
+                        continue
+                    at = self._time(name, message, source.stamp) if source.stamp else received
+                    times, values = self.found[name]
+                    # Interpolation needs increasing times.
+                    if times and at < times[-1]:
+                        raise DataError(
+                            f"{self.path}: in topic '{source.topic}', the time decreases at message {len(times) + 1}: "
+                            f"leave out `stamp` in the entry of {name}, or correct the bag."
+                        )
+                    # If several messages have equal times, only the value of the last message is kept.
+                    if times and at == times[-1]:
+                        values[-1] = value
+                    else:
+                        times.append(at)
+                        values.append(value)
         arrays = {}
         for name, source in self.sources.items():
             times, values = self.found[name]
@@ -314,28 +331,6 @@ class _Messages:
             array, turns = np.array(values), source.field.rpartition(".")[2] in ANGLES
             arrays[name] = (np.array(times, dtype=np.int64), np.unwrap(array) if turns else array)
         return arrays
-
-    def _take(self, name: str, message: Any, received: int) -> None:
-        """Append the value of one message to a column. If several messages have equal times, only the value of the last
-        message is kept.
-        """
-        source = self.sources[name]
-        value = self._value(name, message, source.field)
-        if value is None:
-            return
-        at = self._time(name, message, source.stamp) if source.stamp else received
-        times, values = self.found[name]
-        # Interpolation needs increasing times.
-        if times and at < times[-1]:
-            raise DataError(
-                f"{self.path}: in topic '{source.topic}', the time decreases at message {len(times) + 1}: leave out "
-                f"`stamp` in the entry of {name}, or correct the bag."
-            )
-        if times and at == times[-1]:
-            values[-1] = value
-        else:
-            times.append(at)
-            values.append(value)
 
     def _time(self, name: str, message: Any, field: str) -> int:
         """Return the time stamp of a message [ns], read from the field that the entry of the column names as

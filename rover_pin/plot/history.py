@@ -74,13 +74,27 @@ def history(trace: Trace) -> Figure:
         elif values:
             constant.append(_in_words(signal, values))
     if {"body_vx", "body_vy"} <= trace.channels.keys():
-        drawn[SPEED] = lambda axes: _draw_speed(axes, trace)
+        # The velocity in the world's axes is turned by the yaw into the rover's axes. The speed to the left is drawn
+        # only if it is larger than MIN_SIDE_SPEED.
+        yaw = trace.get("body_yaw", np.zeros(trace.t.size))
+        ahead = 1e3 * (np.cos(yaw) * trace["body_vx"] + np.sin(yaw) * trace["body_vy"])
+        leftward = 1e3 * (np.cos(yaw) * trace["body_vy"] - np.sin(yaw) * trace["body_vx"])
+        speeds = {"ahead": ahead}
+        if np.nanmax(np.abs(leftward)) > MIN_SIDE_SPEED * np.nanmax(np.abs(ahead)):
+            speeds["to the left"] = leftward
+        colours = {name: {"color": COLOURS[n]} for n, name in enumerate(speeds)}
+        drawn[SPEED] = lambda axes: draw_lines(axes, trace.t, speeds, colours)
     # The heading has a separate panel: on the scale of a turn of 90 deg, suspension angles would look constant.
     for label, starts in {ANGLES: ("rocker", "bogie", "body_pitch", "body_roll"), HEADING: ("body_yaw",)}.items():
         angles = {name.replace("_", " "): np.degrees(trace[name]) for name in trace.channels if name.startswith(starts)}
         moving = {name: series for name, series in angles.items() if np.nanmax(series) - np.nanmin(series) > MIN_TURN}
         if moving:
-            drawn[label] = lambda axes, lines=moving: _draw_angles(axes, trace, lines)  # type: ignore[misc]
+            # When all colours have been used once, further lines are dotted.
+            looks = {
+                name: {"color": COLOURS[n % len(COLOURS)], "ls": "-" if n < len(COLOURS) else ":"}
+                for n, name in enumerate(moving)
+            }
+            drawn[label] = lambda axes, lines=moving, looks=looks: draw_lines(axes, trace.t, lines, looks)  # type: ignore[misc]
     # A figure needs at least one panel, even if nothing changes.
     if not drawn:
         drawn[SLIP.label] = lambda axes: wheel_lines(axes, trace, SLIP.channel)
@@ -112,29 +126,3 @@ def _in_words(signal: WheelChannel, values: Mapping[str, np.ndarray]) -> str:
     unit = f" {signal.unit}" if signal.unit else ""
     phrases = [f"{value:.3g}{unit}" + (f" ({', '.join(group)})" if len(groups) > 1 else "") for value, group in groups]
     return f"{signal.name} {', '.join(phrases)}"
-
-
-def _draw_speed(axes: Axes, trace: Trace) -> None:
-    """Draw the forward speed and, if it is larger than MIN_SIDE_SPEED, the speed to the left, both in the rover's
-    frame.
-    """
-    # The velocity in the world's axes, turned by the yaw into the rover's axes.
-    yaw = trace.get("body_yaw", np.zeros(trace.t.size))
-    ahead = 1e3 * (np.cos(yaw) * trace["body_vx"] + np.sin(yaw) * trace["body_vy"])
-    leftward = 1e3 * (np.cos(yaw) * trace["body_vy"] - np.sin(yaw) * trace["body_vx"])
-    lines = {"ahead": ahead}
-    if np.nanmax(np.abs(leftward)) > MIN_SIDE_SPEED * np.nanmax(np.abs(ahead)):
-        lines["to the left"] = leftward
-    draw_lines(axes, trace.t, lines, {name: {"color": COLOURS[n]} for n, name in enumerate(lines)})
-
-
-def _draw_angles(axes: Axes, trace: Trace, lines: Mapping[str, np.ndarray]) -> None:
-    """Draw angles [deg] against time. `lines` maps the name of each angle to its values.
-
-    When all colours have been used once, further lines are dotted.
-    """
-    looks = {
-        name: {"color": COLOURS[n % len(COLOURS)], "ls": "-" if n < len(COLOURS) else ":"}
-        for n, name in enumerate(lines)
-    }
-    draw_lines(axes, trace.t, lines, looks)

@@ -18,7 +18,6 @@ from rover_pin.rover.statics import hanging_wheels, wheel_loads
 from rover_pin.simulation.model.cruise import CRUISE_DUTY
 from rover_pin.simulation.model.defaults import driven_soil, own_motor, usual_angles
 from rover_pin.simulation.model.model import BURIED, base_effects
-from rover_pin.simulation.model.motor import Motor
 from rover_pin.soil.sinkage import entry_angle, sinkage
 from rover_pin.soil.wheel_forces import TorqueTraction
 
@@ -66,8 +65,41 @@ def road_check(rover: Rover) -> RoadCheck:
     except ParameterError as error:
         fault = f"the rover does not stand on its soil: {error}"
         return RoadCheck(f"no: {error}", "no: the rover does not stand", assumed, (fault,))
-    moves, fault = _motion(rover, soil, motor, resistance)
-    return RoadCheck(stands, moves, assumed, (fault,) if fault else ())
+    # Torque that one wheel needs on level ground, R W r with its share W of the weight, and torque of its motor.
+    weight, stall = rover.mass * EARTH, float(motor.stall_torque)
+    needed, torque = resistance * weight * float(rover.radii.mean()) / len(rover.wheels), CRUISE_DUTY * stall
+    if torque <= needed:
+        reason = (
+            f"its motors stall: at duty {CRUISE_DUTY:g} a motor gives {torque:.3g} N m, but the flat takes "
+            f"{needed:.3g} N m a wheel"
+        )
+        fault = f"{reason}. State a stronger motor or gear in the TOML's [motor]."
+        return RoadCheck(stands, f"no: {reason}", assumed, (fault,))
+
+    def spare(slope: float) -> float:
+        """Return the thrust of all wheels [N] that remains at full duty on a slope [rad].
+
+        The slope needs the force weight (sin(slope) + R cos(slope)), where R is the motion resistance as a fraction of
+        the load.
+        """
+        return stall * float(np.sum(1.0 / rover.radii)) - weight * (math.sin(slope) + resistance * math.cos(slope))
+
+    # The steepest slope by the motors is where the thrust at full duty equals the demand. The steepest slope by the
+    # soil depends on the slip: at S = 0.2 the rover still advances well, and at S = 1 it only holds its place.
+    by_motor = 90.0 if spare(math.pi / 2) >= 0.0 else math.degrees(brentq(spare, -math.pi / 2, math.pi / 2))
+    by_soil, slipping = (
+        math.degrees(
+            driven_slope(rover, soil, TractionLimit(slip, TorqueTraction(), usual_angles(rover)), R=resistance)
+        )
+        for slip in (1.0, 0.2)
+    )
+    first = "the motors give" if by_motor < by_soil else "the soil gives"
+    moves = (
+        f"yes: the flat takes {needed:.3g} N m a wheel, and at duty {CRUISE_DUTY:g} a motor gives {torque:.3g} N m. "
+        f"The motors hold {by_motor:.0f} deg at full duty, the soil {by_soil:.0f} deg at S = 1 and {slipping:.0f} deg "
+        f"at S = 0.2: {first} way first"
+    )
+    return RoadCheck(stands, moves, assumed, ())
 
 
 def _stance(rover: Rover, soil: Soil) -> str:
@@ -102,40 +134,3 @@ def _stance(rover: Rover, soil: Soil) -> str:
         return stance
     carry = "carries" if len(gaps) == 1 else "carry"
     return f"{stance}; {', '.join(gaps)} {carry} nothing, {1e3 * min(gaps.values()):.2g} mm or more above the ground"
-
-
-def _motion(rover: Rover, soil: Soil, motor: Motor, R: float) -> tuple[str, str]:
-    """Return a sentence on whether and how the rover can move, and the fault if it cannot move (else an empty text).
-
-    R is the motion resistance of a wheel as a fraction of its load.
-    """
-    # Torque that one wheel needs on level ground, R W r with its share W of the weight, and torque of its motor.
-    weight, stall = rover.mass * EARTH, float(motor.stall_torque)
-    needed, torque = R * weight * float(rover.radii.mean()) / len(rover.wheels), CRUISE_DUTY * stall
-    if torque <= needed:
-        reason = (
-            f"its motors stall: at duty {CRUISE_DUTY:g} a motor gives {torque:.3g} N m, but the flat takes "
-            f"{needed:.3g} N m a wheel"
-        )
-        return f"no: {reason}", f"{reason}. State a stronger motor or gear in the TOML's [motor]."
-
-    def spare(slope: float) -> float:
-        """Return the thrust of all wheels [N] that remains at full duty on a slope [rad].
-
-        The slope needs the force weight (sin(slope) + R cos(slope)).
-        """
-        return stall * float(np.sum(1.0 / rover.radii)) - weight * (math.sin(slope) + R * math.cos(slope))
-
-    # The steepest slope by the motors is where the thrust at full duty equals the demand. The steepest slope by the
-    # soil depends on the slip: at S = 0.2 the rover still advances well, and at S = 1 it only holds its place.
-    by_motor = 90.0 if spare(math.pi / 2) >= 0.0 else math.degrees(brentq(spare, -math.pi / 2, math.pi / 2))
-    by_soil, slipping = (
-        math.degrees(driven_slope(rover, soil, TractionLimit(slip, TorqueTraction(), usual_angles(rover)), R=R))
-        for slip in (1.0, 0.2)
-    )
-    first = "the motors give" if by_motor < by_soil else "the soil gives"
-    return (
-        f"yes: the flat takes {needed:.3g} N m a wheel, and at duty {CRUISE_DUTY:g} a motor gives {torque:.3g} N m. "
-        f"The motors hold {by_motor:.0f} deg at full duty, the soil {by_soil:.0f} deg at S = 1 and {slipping:.0f} deg "
-        f"at S = 0.2: {first} way first"
-    ), ""

@@ -488,7 +488,23 @@ def _model(scene: Scene, request: Settings, trust: Trust) -> ComposedModel:
         assumed = (*assumed, f"terrain: lengths that are not set are those for Nexus 6's wheels times {size:.3g}")
     model, side = on_its_side(model.replace(terrain=terrain), request, scene.askew, of_file)
     assumed = (*assumed, *side)
-    _convert_bekker(request, model)
+    # Bekker's constants soil.k_c and soil.k_phi among the user's settings are replaced by soil.k_1 and soil.k_2. The
+    # conversion depends on the width of the model's wheels.
+    values = request.values
+    given = {name: values[f"soil.{name}"] for name in POWERS if f"soil.{name}" in values}
+    if given:
+        table = {name: values[f"soil.{name}"] for name in ("n", "k_1", "k_2") if f"soil.{name}" in values}
+        for name, value in given.items():
+            # A value such as "0.99 kN/m^(n+1)" has a number and a unit, in which n may occur.
+            match = WRITTEN.fullmatch(value.strip()) if isinstance(value, str) else None
+            unit = (match[2] or match[3] or "").strip() if match else ""
+            number = float(match[1]) if match else value
+            table[name] = {"value": number, "unit": unit} if unit else {"value": number}
+        n = parse_quantity(table.pop("n"), "", "soil.n") if "n" in table else None
+        converted = from_bekker(table, float(model.rover.wheels[0].wheel.b), "the settings of soil", n)
+        for name in given:
+            del request.values[f"soil.{name}"]
+        request.values |= {f"soil.{name}": converted[name] for name in ("k_1", "k_2")}
     # Settings such as soil.k, motor.gear and gravity change the composed model.
     ground = model.soils[0].replace(**request.record("soil", model.soils[0]))
     motor = model.motor.replace(**request.record("motor", model.motor))
@@ -510,26 +526,3 @@ def _model(scene: Scene, request: Settings, trust: Trust) -> ComposedModel:
         changes = request.record(f"effect.{type(effect).__name__}", effect)
         model = model.having(effect.replace(**changes)) if changes else model
     return ComposedModel(model, (*assumed, *resistance), resists)
-
-
-def _convert_bekker(request: Settings, model: Model) -> None:
-    """Replace the user's settings soil.k_c and soil.k_phi (Bekker's constants) by soil.k_1 and soil.k_2.
-
-    The conversion depends on the width of the model's wheels. If the user gave neither, nothing changes.
-    """
-    prefix = "soil."
-    given = {name: request.values[prefix + name] for name in POWERS if prefix + name in request.values}
-    if not given:
-        return
-    table = {name: request.values[prefix + name] for name in ("n", "k_1", "k_2") if prefix + name in request.values}
-    for name, value in given.items():
-        # A value such as "0.99 kN/m^(n+1)" has a number and a unit, in which n may occur.
-        match = WRITTEN.fullmatch(value.strip()) if isinstance(value, str) else None
-        unit = (match[2] or match[3] or "").strip() if match else ""
-        number = float(match[1]) if match else value
-        table[name] = {"value": number, "unit": unit} if unit else {"value": number}
-    n = parse_quantity(table.pop("n"), "", "soil.n") if "n" in table else None
-    converted = from_bekker(table, float(model.rover.wheels[0].wheel.b), "the settings of soil", n)
-    for name in given:
-        del request.values[prefix + name]
-    request.values |= {prefix + name: converted[name] for name in ("k_1", "k_2")}

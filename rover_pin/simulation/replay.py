@@ -267,7 +267,23 @@ def replay(
     kernel.disable_energy_balance()
     per_row = round(run.period / dt)
     lengths = {"followed": np.append(steps.lengths, 0.0)} if steps else {}  # the 0 marks the end in C
-    fields = {"rough": 1.0 if fine else ROUGH, **_loop_fields(model, run, perturbation), **lengths}
+    # Commands, logged positions and perturbations enter the C struct Loop with one entry for each row. At standstill, a
+    # motor gives its stall torque times the duty, so that a torque is added as an additional duty.
+    duty = run.duty if perturbation.torque is None else run.duty + perturbation.torque / float(model.motor.stall_torque)
+    rows = {
+        "duty_rows": duty,
+        "steer_rows": run.steer,
+        "force_rows": perturbation.force,
+        "grip_rows": perturbation.grip,
+    }
+    fields: dict[str, Any] = {
+        name: np.array(values, dtype=float, order="C") for name, values in rows.items() if values is not None
+    }
+    channels = true_inputs(model, run)
+    if run.rate is not None:
+        fields["rate_rows"] = rates_of(model, channels)
+    fields |= {"gave": np.zeros(run.steer.shape[1]), "place_rows": np.column_stack([channels[name] for name in PLACE])}
+    fields |= {"share": run.period / HOLD, "check_every": ROWS_PER_CHECK, "rough": 1.0 if fine else ROUGH, **lengths}
     loop = Loop(kernel, dt, per_row * len(run.t), per_row, **fields)
     loop.keep_history(per_row * len(run.t) * FINEST)
     # Wheels that are held to measured rates start with the rates of the first row.
@@ -290,27 +306,6 @@ def replay(
         good = int(np.argmax(too_fast)) if too_fast.any() else good
         loop.rows[good:] = loop.rows[good - 1] if good else loop.now()
     return Replay(_channels(model, run, loop.rows), stop, StepsTaken(dt, loop.steps_taken()))
-
-
-def _loop_fields(model: Model, run: ReplayCommands, perturbation: Perturbation) -> dict[str, Any]:
-    """Return the fields of the C struct Loop with the commands, the logged positions and the perturbations of a replay,
-    one entry for each row.
-    """
-    # At standstill, a motor gives its stall torque times the duty, so that a torque is added as an additional duty.
-    duty = run.duty if perturbation.torque is None else run.duty + perturbation.torque / float(model.motor.stall_torque)
-    rows = {
-        "duty_rows": duty,
-        "steer_rows": run.steer,
-        "force_rows": perturbation.force,
-        "grip_rows": perturbation.grip,
-    }
-    fields = {name: np.array(values, dtype=float, order="C") for name, values in rows.items() if values is not None}
-    channels = true_inputs(model, run)
-    place = np.column_stack([channels[name] for name in PLACE])
-    if run.rate is not None:
-        fields["rate_rows"] = rates_of(model, channels)
-    fields["gave"] = np.zeros(run.steer.shape[1])
-    return {**fields, "place_rows": place, "share": run.period / HOLD, "check_every": ROWS_PER_CHECK}
 
 
 def _channels(model: Model, run: ReplayCommands, rows: np.ndarray) -> dict[str, np.ndarray]:

@@ -128,14 +128,7 @@ def simulate(
     """
     job = DriveJob(engine_named(engine), model, controller, duration, timing, symmetric, progress, measure_error)
     # The trace of the default engine does not name it, so that stored traces stay equal.
-    return _simulate(job, start, {} if engine == COMPILED else {"engine": engine})
-
-
-def _simulate(job: DriveJob, start: Start | DriveState | DriveEnd, attrs: dict[str, Any]) -> Trace:
-    """Check the inputs of a drive, set the rover down at its start or continue an earlier drive, drive with steps that
-    keep the tolerance, and return the trace. `attrs` are attributes that the trace gets.
-    """
-    model, duration, timing, symmetric = job.model, job.duration, job.timing, job.symmetric
+    attrs: dict[str, Any] = {} if engine == COMPILED else {"engine": engine}
     if not (math.isfinite(duration) and duration > 0.0):
         raise SimulationError(f"duration = {duration:g} s is not allowed: give a positive time.")
     if symmetric and not model.ground.mirror_symmetric:

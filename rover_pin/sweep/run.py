@@ -129,9 +129,24 @@ def sweep(
                 rows = on_cores(work, pending, workers) if scheduler is None else on_cluster(work, pending, scheduler)
                 _save_rows(store, rows, len(before), len(before) + len(pending))
             results = Results(study.name, store.finish(), store.folder, len(before))
-            # If every case failed, there is no outcome to draw.
+            # The picture shows the outcomes against the parameters. If every case failed, there is no outcome to draw.
             if picture and results.table["error"].isna().any():
-                _draw(study, results)
+                from rover_pin.plot.sheet import save
+                from rover_pin.plot.study import study_figure
+                from rover_pin.scenarios.scenario import settings_of
+
+                # The scenario knows the units of its settings. With a case function of the user there may be no such
+                # scenario.
+                try:
+                    first = next(iter(study.cases())).values
+                    known = settings_of(study.scenario, **{**study.settings, **first})
+                    units = {setting.name: setting.unit for setting in known}
+                except RoverPinError:
+                    units = {}
+                # Parameters on a logarithmic scale get a logarithmic axis.
+                logarithmic = [name for name, axis in study.parameters.items() if isinstance(axis, LogRange)]
+                labels = {name: units.get(name, "") for name in study.parameters}
+                save(study_figure(study.name, results.table, labels, logarithmic), results.folder / PICTURE)
         except OSError as error:
             raise DataError(
                 f"{place}: the results cannot be written ({error.strerror or error}). {KEPT}, "
@@ -154,24 +169,6 @@ def _save_rows(store: Store, rows: Generator[Row, None, None], done: int, total:
     except (KeyboardInterrupt, SystemExit) as stop:
         stop.add_note(f"{done} of {total} cases are kept in {store.folder}: run the same sweep again to continue")
         raise
-
-
-def _draw(study: Study, results: Results) -> None:
-    """Draw the outcomes against the parameters, and save the picture in the results folder."""
-    from rover_pin.plot.sheet import save
-    from rover_pin.plot.study import study_figure
-    from rover_pin.scenarios.scenario import settings_of
-
-    # The scenario knows the units of its settings. With a case function of the user there may be no such scenario.
-    try:
-        first = next(iter(study.cases())).values
-        units = {setting.name: setting.unit for setting in settings_of(study.scenario, **{**study.settings, **first})}
-    except RoverPinError:
-        units = {}
-    # Parameters on a logarithmic scale get a logarithmic axis.
-    logarithmic = [name for name, axis in study.parameters.items() if isinstance(axis, LogRange)]
-    labels = {name: units.get(name, "") for name in study.parameters}
-    save(study_figure(study.name, results.table, labels, logarithmic), results.folder / PICTURE)
 
 
 def fingerprint(study: Study, case_function: CaseFunction) -> dict[str, Any]:

@@ -46,10 +46,25 @@ class Store:
         self.study = study
         self.rows = Journal(folder / ROWS)
         try:
-            # The folder holds the description of its study. If it already has one, it must be equal.
+            # The folder holds the description of its study. If it already has one, it must be equal. The error names
+            # each entry that differs, in the order in which the studies list them.
             folder.mkdir(parents=True, exist_ok=True)
             if (folder / STUDY_FILE).exists():
-                _refuse_change(folder, known_study(folder), study)
+                old = known_study(folder)
+                before, now = _flat(old), _flat(study)
+                changed = [name for name in dict.fromkeys((*before, *now)) if before.get(name) != now.get(name)]
+                # The order of the parameters matters as well: it decides which case is number 0.
+                orders = [list(description["parameters"]) for description in (old, study)]
+                if orders[0] != orders[1] and set(orders[0]) == set(orders[1]):
+                    before["parameters"], now["parameters"] = orders
+                    changed.append("parameters")
+                if changed:
+                    changes = "; ".join(
+                        f"{name} was {_shown(before, name)}, is {_shown(now, name)}" for name in changed
+                    )
+                    raise DataError(
+                        f"{folder}: the folder holds another study ({changes}); name a new folder or undo the change."
+                    )
             elif any(entry.name != LOCK and entry.suffix != ".tmp" for entry in folder.iterdir()):
                 raise DataError(f"{folder}: the folder is not empty and holds no sweep; name a new folder.")
             else:
@@ -114,21 +129,6 @@ def known_study(folder: Path) -> dict[str, Any]:
     if not isinstance(study, dict) or not isinstance(study.get("parameters"), dict):
         raise DataError(f"{folder / STUDY_FILE}: it describes no study; start the study again in a new folder.")
     return study
-
-
-def _refuse_change(folder: Path, old: dict[str, Any], new: dict[str, Any]) -> None:
-    """Raise an error if the study `new` differs from the study `old` in the folder. The error names each difference."""
-    # Names of all entries that differ, in the order in which the studies list them.
-    before, now = _flat(old), _flat(new)
-    changed = [name for name in dict.fromkeys((*before, *now)) if before.get(name) != now.get(name)]
-    # The order of the parameters matters as well: it decides which case is number 0.
-    orders = [list(study["parameters"]) for study in (old, new)]
-    if orders[0] != orders[1] and set(orders[0]) == set(orders[1]):
-        before["parameters"], now["parameters"] = orders
-        changed.append("parameters")
-    if changed:
-        changes = "; ".join(f"{name} was {_shown(before, name)}, is {_shown(now, name)}" for name in changed)
-        raise DataError(f"{folder}: the folder holds another study ({changes}); name a new folder or undo the change.")
 
 
 def _flat(study: dict[str, Any]) -> dict[str, Any]:

@@ -103,7 +103,7 @@ class Study:
     trust: Trust = Trust()
 
     def __post_init__(self) -> None:
-        # The checks follow the fields: pairs, scenario, name, times and counts.
+        # The checks follow the fields: form of the pairs, scenario, name, times and counts, and then all names.
         # Each entry of `paired` lists parameters that change together, row by row.
         rows = (list, tuple)
         lists = isinstance(self.paired, rows) and all(isinstance(names, rows) for names in self.paired)
@@ -129,21 +129,7 @@ class Study:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < minimum:
                 raise ParameterError(f"{name} = {value!r} is not allowed: give a whole number of at least {minimum}.")
-        self._check_names()
-        self._read_drive_file()
-
-    def _read_drive_file(self) -> None:
-        """Replace a drive file by its scenario and its settings, so that the results folder states the whole drive."""
-        times = {name: getattr(self, name) for name in ("duration", "dt") if getattr(self, name) is not None}
-        own = {**times, **self.parameters}
-        scenario, settings = with_drive_file(self.scenario, {**self.settings, **own}, self.trust)
-        object.__setattr__(self, "scenario", scenario)
-        object.__setattr__(self, "settings", {name: value for name, value in settings.items() if name not in own})
-
-    def _check_names(self) -> None:
-        """Raise an error if a name occurs twice among settings, parameters and pairs, or if paired parameters cannot
-        change together.
-        """
+        # At least one parameter varies, and a name occurs only once among settings, parameters and pairs.
         if not self.parameters:
             raise ParameterError("the study varies nothing: give at least one parameter.")
         # A name is either varied or fixed.
@@ -173,6 +159,12 @@ class Study:
                     f"paired = {list(names)!r} cannot change together: give at least two parameters, either all "
                     "ranges or all lists of one length."
                 )
+        # A drive file is replaced by its scenario and its settings, so that the results folder states the whole drive.
+        own_times = {name: getattr(self, name) for name in ("duration", "dt") if getattr(self, name) is not None}
+        own = {**own_times, **self.parameters}
+        scenario, settings = with_drive_file(self.scenario, {**self.settings, **own}, self.trust)
+        object.__setattr__(self, "scenario", scenario)
+        object.__setattr__(self, "settings", {name: value for name, value in settings.items() if name not in own})
 
     def groups(self) -> list[Group]:
         """Return the dimensions of the plan, in the order of `parameters`. Each is a group of parameters that change

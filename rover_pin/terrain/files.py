@@ -204,7 +204,30 @@ def from_grid(
     try:
         if path.suffix.lower() in SUFFIXES or cell or relief or missing or is_esri_grid(path):
             return raster_grid(path, cell, relief, missing)
-        return _npz_grid(path) if path.suffix == ".npz" else _column_grid(path)
+        if path.suffix == ".npz":
+            # `arrays` reads plain numbers only, because a pickled object in the file could run code.
+            try:
+                entries = arrays(path)
+            except OSError as error:
+                raise DataError(f"{path}: the file cannot be read: {error.strerror or error}.") from error
+            except Exception as error:  # whatever numpy and zipfile raise for a damaged archive
+                raise DataError(
+                    f"{path}: the file is not an .npz of plain arrays ({error}): write it with numpy.savez or "
+                    "`to_grid`."
+                ) from error
+            for name in ("x0", "y0", "dx", "dy", "z"):
+                if name not in entries:
+                    raise DataError(
+                        f"{path}: there is no array '{name}' in the file, which has: "
+                        f"{', '.join(sorted(entries)) or 'none'}. Give the corner x0, y0 and the spacings dx, dy [m] "
+                        "as one number each, and the heights z (nx, ny) [m]."
+                    )
+            known = ("x0", "y0", "dx", "dy", "z", "ground")
+            fields: dict[str, Any] = {name: entries[name] for name in known if name in entries}
+            grid = HeightGrid(**fields)
+            _refuse_large(path, "z", grid.z)
+            return grid
+        return _column_grid(path)
     except ParameterError as error:
         raise DataError(f"{path}: {error}") from error
 
@@ -215,31 +238,6 @@ def to_grid(path: str | Path, grid: HeightGrid) -> Path:
     content = io.BytesIO()
     np.savez_compressed(content, x0=grid.x0, y0=grid.y0, dx=grid.dx, dy=grid.dy, z=grid.z, ground=grid.ground)
     return replace_file(path, content.getvalue())
-
-
-def _npz_grid(path: Path) -> HeightGrid:
-    """Return the height grid in an `.npz` file, which has the arrays x0, y0, dx, dy, z and, optionally, ground (see
-    `from_grid`).
-    """
-    # `arrays` reads plain numbers only, because a pickled object in the file could run code.
-    try:
-        table = arrays(path)
-    except OSError as error:
-        raise DataError(f"{path}: the file cannot be read: {error.strerror or error}.") from error
-    except Exception as error:  # whatever numpy and zipfile raise for a damaged archive
-        raise DataError(
-            f"{path}: the file is not an .npz of plain arrays ({error}): write it with numpy.savez or `to_grid`."
-        ) from error
-    for name in ("x0", "y0", "dx", "dy", "z"):
-        if name not in table:
-            raise DataError(
-                f"{path}: there is no array '{name}' in the file, which has: {', '.join(sorted(table)) or 'none'}. "
-                "Give the corner x0, y0 and the spacings dx, dy [m] as one number each, and the heights z (nx, ny) [m]."
-            )
-    fields: dict[str, Any] = {name: table[name] for name in ("x0", "y0", "dx", "dy", "z", "ground") if name in table}
-    grid = HeightGrid(**fields)
-    _refuse_large(path, "z", grid.z)
-    return grid
 
 
 def _column_grid(path: Path) -> HeightGrid:

@@ -11,6 +11,7 @@ import pyarrow.parquet
 import pytest
 from scipy.io import savemat
 
+from rover_pin import scenario
 from rover_pin.base.errors import DataError
 from rover_pin.base.files.column_names import corner, word
 from rover_pin.importing.evidence import is_settled
@@ -255,8 +256,30 @@ def test_a_pitch_by_its_own_name_is_taken_unless_the_climb_contradicts_it(tmp_pa
         assert any(line.startswith("body_pitch = body_pitch") for line in made.columns)
     folder = tmp_path / "reversed"
     folder.mkdir()
-    made, _ = imported(table_of(seen, **{"z [m]": seen["body_z"], "body_pitch": -seen["body_pitch"]}), folder)
+    made, log = imported(table_of(seen, **{"z [m]": seen["body_z"], "body_pitch": -seen["body_pitch"]}), folder)
     assert not any(line.startswith("body_pitch =") for line in made.columns)
+    assert "body_pitch" not in log.runs[0]
+
+
+def test_a_column_that_begins_like_a_channel_is_read_as_the_importer_says(tmp_path):
+    """The reader of a log takes columns by the names of channels: one in degrees was taken for radians."""
+    trace = scenario("field", duration=25.0).drive()
+    table = pd.DataFrame({"time [s]": trace.t, "x [m]": trace["body_x"], "y [m]": trace["body_y"]})
+    for wheel in ("fl", "fr", "ml", "mr", "rl", "rr"):
+        table[f"wheel_{wheel}_speed [rad/s]"] = trace[f"wheel_rate_{wheel}"]
+    table["yaw [rad]"], table["bogie_l_deg"] = trace["body_yaw"], np.degrees(trace["bogie_l"])
+    table["rocker_box_raw"], table["battery_V"] = 40.0 * trace["rocker_l"], 7.2
+    table[::10].to_csv(tmp_path / "own.csv", index=False)
+    place = {name: f'col("{name[-1]} [m]")' for name in ("body_x", "body_y")}
+    made = import_log([tmp_path / "own.csv"], "nexus6", tmp_path / "log", columns=place)
+    runs = read_drive_log(tmp_path / "log").runs
+    bogie = max(np.abs(run["bogie_l"]).max() for run in runs)
+    assert bogie == pytest.approx(np.abs(trace["bogie_l"]).max(), rel=0.05)
+    assert all(run["battery_V"][0] == pytest.approx(7.2) for run in runs)
+    assert not {"bogie_l_deg", "recorded bogie_l_deg", "rocker_box_raw"} & set(runs[0].channels)
+    (unused,) = (note for note in made.notes if "not used" in note)
+    assert "rocker_box_raw" in unused
+    assert "battery_V" not in unused
 
 
 @pytest.mark.parametrize("frame", [1.0, -1.0])

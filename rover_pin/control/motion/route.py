@@ -11,7 +11,6 @@ import numpy as np
 from rover_pin.base.arguments import check_arguments, spec
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.table import read_columns
-from rover_pin.contact import Scalar
 from rover_pin.control.motion.kinematics import BodyMotion, rolling, steers, turning_places
 from rover_pin.control.motion.servo import MAX_COMMAND, LawControl, Servo, servo_duties, servo_symbols
 from rover_pin.control.open_loop import MAX_STEER
@@ -71,7 +70,15 @@ def _route_law(steering: tuple[bool, ...], count: int) -> ca.Function:
         share = (arc_length + lookahead - starts[i]) / (starts[i + 1] - starts[i])
         point = (points[i, c] + share * (points[i + 1, c] - points[i, c]) for c in (0, 1))
         target = tuple(ca.if_else(share >= 0.0, new, old) for new, old in zip(point, target, strict=True))
-    motion = _pursuit(target, place, read[2], bend)
+    # Pure pursuit: the body moves at unit speed along the arc from its position to the target. In the axes of the body
+    # (x ahead, y to the left), the arc to a target at (x, y) has the curvature 2 y / (x^2 + y^2). The curvature is
+    # limited to `bend`, and a target behind the rover is approached on the tightest arc.
+    (dx, dy), yaw = (target[0] - place[1], target[1] - place[2]), read[2]
+    along, across = ca.cos(yaw) * dx + ca.sin(yaw) * dy, ca.cos(yaw) * dy - ca.sin(yaw) * dx
+    kappa = 2.0 * across / (along**2 + across**2)
+    sharpest = ca.if_else(across >= 0.0, bend, -bend)
+    kappa = ca.if_else(along > 0.0, kappa, sharpest)
+    motion = BodyMotion(1.0, ca.fmin(ca.fmax(kappa, -bend), bend))
     # Over the last look-ahead distance the rover slows down; within `reach` of the end, the wheels are held.
     pace = ca.if_else(remaining > reach, speed * ca.fmin(remaining / lookahead, 1.0), 0.0)
     speeds, angles = rolling([ca.vertsplit(wheels[:, i]) for i in range(n)], steering, motion)
@@ -85,22 +92,6 @@ def _route_law(steering: tuple[bool, ...], count: int) -> ca.Function:
     arrival = ca.if_else(remaining > reach, place[0], memory[1])
     out = [duties, ca.vertcat(*angles), ca.vertcat(arc_length, arrival, integrals)]
     return ca.Function("route", [place, read, limits, memory, numbers], out)
-
-
-def _pursuit(target: tuple[Scalar, Scalar], place: ca.SX, yaw: Scalar, bend: Scalar) -> BodyMotion:
-    """Return the motion of the body at unit speed along the arc from its position to a target (pure pursuit).
-
-    In the axes of the body, the arc to a target at (x, y) has the curvature 2 y / (x^2 + y^2). The curvature is limited
-    to `bend` [1/m]. A target behind the rover is approached on the tightest arc. `place` is (t, x, y) of the rover, and
-    `yaw` its yaw angle [rad].
-    """
-    # The target in the axes of the body: x ahead, y to the left.
-    dx, dy = target[0] - place[1], target[1] - place[2]
-    along, across = ca.cos(yaw) * dx + ca.sin(yaw) * dy, ca.cos(yaw) * dy - ca.sin(yaw) * dx
-    kappa = 2.0 * across / (along**2 + across**2)
-    sharpest = ca.if_else(across >= 0.0, bend, -bend)
-    kappa = ca.if_else(along > 0.0, kappa, sharpest)
-    return BodyMotion(1.0, ca.fmin(ca.fmax(kappa, -bend), bend))
 
 
 @dataclass

@@ -303,7 +303,27 @@ def _curve(term: Term, z: str) -> DraftedFunction:
     # If each run has its own numbers, a single effect can only have their mean.
     numbers = size.reshape(-1, len(basis.of(basis.grid))).mean(axis=0)
     if isinstance(basis, Hats):
-        return _ramps(basis, numbers, z, arrays)
+        # A piecewise linear function is a sum of ramps. Each ramp rises between two neighbouring nodes and is constant
+        # elsewhere.
+        low, high = ("ca.fmax", "ca.fmin") if arrays == "ca" else ("np.maximum", "np.minimum")
+        above, below = (ca.fmax, ca.fmin) if arrays == "ca" else (np.maximum, np.minimum)
+        spacing, first = f"{basis.nodes[1] - basis.nodes[0]:.6g}", f"{numbers[0]:.6g}"
+        # A ramp rises from 0 at its node to its height at the next node; ramps without height are left out.
+        ramps = [
+            (f"{rise:.6g}", f"{node:.6g}")
+            for node, rise in zip(basis.nodes[:-1], np.diff(numbers), strict=True)
+            if rise
+        ]
+        lines = [f"{rise} * {high}(1.0, {low}(0.0, (({z}) - {node}) / {spacing}))" for rise, node in ramps]
+
+        def piecewise(value: Values) -> Values:
+            total = float(first)
+            for rise, node in ramps:
+                total = total + float(rise) * below(1.0, above(0.0, (value - float(node)) / float(spacing)))
+            return total
+
+        return DraftedFunction("(\n    " + "\n    + ".join([first, *lines]) + "\n)", piecewise)
+
     assert isinstance(basis, Polynomial)
     centre, half, coefficients = f"{basis.centre:.6g}", f"{basis.half:.6g}", [f"{number:.6g}" for number in numbers]
     scaled = f"(({z}) - {centre}) / {half}"
@@ -319,26 +339,3 @@ def _curve(term: Term, z: str) -> DraftedFunction:
         return total
 
     return DraftedFunction(" + ".join(c + f" * ({scaled})" * power for power, c in enumerate(coefficients)), polynomial)
-
-
-def _ramps(basis: Hats, numbers: np.ndarray, z: str, arrays: str) -> DraftedFunction:
-    """Return a piecewise linear function with the values `numbers` at its nodes, as a sum of ramps.
-
-    Each ramp rises between two neighbouring nodes and is constant elsewhere.
-    """
-    low, high = ("ca.fmax", "ca.fmin") if arrays == "ca" else ("np.maximum", "np.minimum")
-    above, below = (ca.fmax, ca.fmin) if arrays == "ca" else (np.maximum, np.minimum)
-    spacing, first = f"{basis.nodes[1] - basis.nodes[0]:.6g}", f"{numbers[0]:.6g}"
-    # A ramp rises from 0 at its node to its height at the next node; ramps without height are left out.
-    ramps = [
-        (f"{rise:.6g}", f"{node:.6g}") for node, rise in zip(basis.nodes[:-1], np.diff(numbers), strict=True) if rise
-    ]
-    lines = [f"{rise} * {high}(1.0, {low}(0.0, (({z}) - {node}) / {spacing}))" for rise, node in ramps]
-
-    def piecewise(value: Values) -> Values:
-        total = float(first)
-        for rise, node in ramps:
-            total = total + float(rise) * below(1.0, above(0.0, (value - float(node)) / float(spacing)))
-        return total
-
-    return DraftedFunction("(\n    " + "\n    + ".join([first, *lines]) + "\n)", piecewise)

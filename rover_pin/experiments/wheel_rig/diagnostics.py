@@ -6,6 +6,7 @@ of a verdict on several. `cautions` turns the diagnostics into sentences for the
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -75,10 +76,34 @@ def residual_tests(data: RigSet, residual: np.ndarray, seed: int) -> tuple[Resid
     seed : int
         Seed of the permutations.
     """
+
+    def correlate(quantity: np.ndarray, row: np.ndarray, axis: int = -1) -> np.ndarray:
+        # The quantity (runs,) has the mean 0 and the length 1.
+        return np.asarray(row @ quantity / np.linalg.norm(row, axis=axis))
+
+    def correlate_neighbours(order: np.ndarray, row: np.ndarray, axis: int = -1) -> np.ndarray:
+        # Correlation of each residual with the next one in the given order of the runs (runs,).
+        sorted_row = row[..., order]
+        products = sorted_row[..., 1:] * sorted_row[..., :-1]
+        return np.asarray(products.sum(axis=axis) / np.sum(row**2, axis=axis))
+
     tests = []
     for channel, row in zip(data.channels, residual, strict=True):
-        values = row[channel.has_value]
-        for name, statistic in _statistics(data, channel.has_value).items():
+        values, slip = row[channel.has_value], data.slip[channel.has_value]
+        # Over a short range of slips, slip^2 is nearly linear in the slip, so only the rest of it is a test of its own.
+        design = np.column_stack([np.ones_like(slip), slip])
+        curvature = slip**2 - design @ np.linalg.lstsq(design, slip**2, rcond=None)[0]
+        against = {"slip": slip, SLIP_SQUARED: curvature, ORDER: np.arange(slip.size, dtype=float)}
+        if data.loads_vary:
+            against["load"] = data.load[channel.has_value]
+        # Name of each quantity -> function of residuals (..., runs) and an axis that returns the correlation along it.
+        statistics: dict[str, Callable[..., np.ndarray]] = {}
+        for name, quantity in against.items():
+            centred = quantity - quantity.mean()
+            statistics[name] = partial(correlate, centred / max(np.linalg.norm(centred), 1e-300))
+        statistics[NEIGHBOURS] = partial(correlate_neighbours, np.argsort(slip, kind="stable"))
+        statistics[NEXT_RUN] = partial(correlate_neighbours, np.arange(slip.size))
+        for name, statistic in statistics.items():
             correlation, p = 0.0, 1.0
             # A constant residual correlates with nothing.
             if np.ptp(values) > 0:
@@ -89,50 +114,6 @@ def residual_tests(data: RigSet, residual: np.ndarray, seed: int) -> tuple[Resid
                 correlation, p = float(result.statistic), float(result.pvalue)
             tests.append(ResidualTest(channel.name, name, correlation, p))
     return tuple(test._replace(of=len(tests)) for test in tests)
-
-
-Statistic = Callable[..., np.ndarray]
-"""Function of residuals (..., runs) and an axis that returns the correlation of the residuals along this axis
-(...,)."""
-
-
-def _statistics(data: RigSet, is_measured: np.ndarray) -> dict[str, Statistic]:
-    """Return functions that correlate the residuals of measured runs with a quantity: name of the quantity ->
-    function.
-    """
-    slip, load = data.slip[is_measured], data.load[is_measured]
-    # Over a short range of slips, slip^2 is nearly linear in the slip, so only the rest of it is a test of its own.
-    design = np.column_stack([np.ones_like(slip), slip])
-    curvature = slip**2 - design @ np.linalg.lstsq(design, slip**2, rcond=None)[0]
-    against = {"slip": slip, SLIP_SQUARED: curvature, ORDER: np.arange(slip.size, dtype=float)}
-    if data.loads_vary:
-        against["load"] = load
-    orders = {NEIGHBOURS: np.argsort(slip, kind="stable"), NEXT_RUN: np.arange(slip.size)}
-    return {name: _correlation_with(values) for name, values in against.items()} | {
-        name: _autocorrelation(order) for name, order in orders.items()
-    }
-
-
-def _correlation_with(values: np.ndarray) -> Statistic:
-    """Return a function that correlates residuals with the given values (runs,)."""
-    scaled = values - values.mean()
-    scaled = scaled / max(np.linalg.norm(scaled), 1e-300)
-
-    def correlation(row: np.ndarray, axis: int = -1) -> np.ndarray:
-        return np.asarray(row @ scaled / np.linalg.norm(row, axis=axis))
-
-    return correlation
-
-
-def _autocorrelation(order: np.ndarray) -> Statistic:
-    """Return a function that correlates each residual with the next one in the given order of the runs (runs,)."""
-
-    def correlation(row: np.ndarray, axis: int = -1) -> np.ndarray:
-        sorted_row = row[..., order]
-        products = sorted_row[..., 1:] * sorted_row[..., :-1]
-        return np.asarray(products.sum(axis=axis) / np.sum(row**2, axis=axis))
-
-    return correlation
 
 
 class Flag(NamedTuple):

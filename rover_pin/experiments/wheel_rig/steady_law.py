@@ -141,13 +141,43 @@ def _balance(effects: tuple[Effect, ...]) -> Balance:
     )
     # The rig states the load with a scale error, so the true load is load_scale times the stated load.
     true = ca.vertcat(condition[0] * errors.load_scale, condition[1:])
-    load, h, balance, start = _chain_loads(effects, true, p, z)
-    read = ca.vertcat(*errors.read(load, h, true[0]))
+    wheel, soil, valued_effects = with_values_of(effects, p)
+    states = iter(ca.vertsplit(z)[1:])
+    x = [tuple(next(states) for _ in effect.states) for effect in effects]
+    load, S, v_x, rim, v_y = ca.vertsplit(true)
+    contact = Contact(S, 0.0, wheel.r, v_x, v_y, 0.0, rim, 0.0, 0.0, wheel, soil)
+    # The sideways slip is the sideways speed divided by the faster of rim speed and travel speed.
+    passing = ca.fmax(ca.fmax(ca.fabs(rim), ca.fabs(v_x)), STANDS * ca.fabs(v_y))
+    contact = contact._replace(S_y=v_y / ca.fmax(passing, MIN_SPEED))
+    # The sinkage is h = floor + y, where the floor is the sinkage at which the wheel first touches the soil: there the
+    # changed sinkage of the contact is 0. The floor can differ from 0, because effects such as the trench that lugs dig
+    # may remove soil. At a smaller sinkage nothing carries the wheel, and f_n would not depend on h. As a function of
+    # y, f_n is nearly a power law for any states, so that Newton's method for ln y converges quickly. The floor is
+    # found by a secant through h = r and h = 2 r, which is exact if the changed sinkage is linear in h.
+    r = contact.wheel.r
+    once, twice = (_amend_contact(valued_effects, contact._replace(h=times * r), x).h for times in (1.0, 2.0))
+    h = r * (1.0 - once / (twice - once)) + ca.exp(z[0])
+    contact = _amend_contact(valued_effects, contact._replace(h=h), x)
+    # Forces of all effects on the wheel, and the balance F of their normal force f_n with the load W: ln f_n - ln W and
+    # the rates of the states.
+    push = Load()
+    for effect, own_states in zip(valued_effects, x, strict=True):
+        push = push.plus(effect.load(contact, push, own_states))
+    rates = [
+        rate
+        for effect, own_states in zip(valued_effects, x, strict=True)
+        for rate in effect.rate(contact, push, own_states)
+    ]
+    balance = ca.vertcat(ca.log(push.f_n / load), *rates)
+    # The initial guess of ln y follows from the entry angle theta at which a power law carries the load: the sinkage is
+    # then h = r (1 - cos theta).
+    shallow = 2 * wheel.r * ca.sin(ca.exp(power_law_guess(ca.log(load), wheel, soil)) / 2) ** 2
+    read = ca.vertcat(*errors.read(push, h, load))
     values, balance, h = ca.cse([read, balance, h])
     step = -_solve(ca.jacobian(balance, z), balance)
     # The initial guess of the effects' states are their steady values for a wheel that has sunk to its axle. The rates
     # of the states are linear in the states, so one Newton step gives the steady values.
-    guess = [start]
+    guess = [ca.log(shallow)]
     if z.numel() > 1:
         to_rest = -_solve(ca.jacobian(balance, z)[1:, 1:], balance[1:])
         sunk = ca.vertcat(ca.log(p[FIELDS.index("r")]), ca.SX.zeros(z.numel() - 1))
@@ -159,42 +189,6 @@ def _balance(effects: tuple[Effect, ...]) -> Balance:
     others = [z[i] + step[i] for i in range(1, z.numel())]
     newton = ca.Function("newton", [z, condition, p], [ca.vertcat(ln_y, *others), balance[0]])
     return Balance(z, condition, p, h, values, balance, first, newton)
-
-
-def _chain_loads(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) -> tuple[Load, ca.SX, ca.SX, ca.SX]:
-    """Return the forces of all effects on the wheel, the sinkage h, the balance F, and the initial guess of ln y.
-
-    The balance is F = (ln f_n - ln W, rates of the states), where f_n is the normal force of all effects and W the
-    load. The sinkage is h = floor + y, where the floor is the sinkage at which the wheel first touches the soil. It can
-    differ from 0, because effects such as the trench that lugs dig may remove soil. At a smaller sinkage nothing
-    carries the wheel, and f_n would not depend on h. As a function of y, f_n is nearly a power law for any states, so
-    that Newton's method for ln y converges quickly.
-    """
-    wheel, soil, valued_effects = with_values_of(effects, p)
-    states = iter(ca.vertsplit(z)[1:])
-    x = [tuple(next(states) for _ in effect.states) for effect in effects]
-    load, S, v_x, rim, v_y = ca.vertsplit(condition)
-    contact = Contact(S, 0.0, wheel.r, v_x, v_y, 0.0, rim, 0.0, 0.0, wheel, soil)
-    # The sideways slip is the sideways speed divided by the faster of rim speed and travel speed.
-    passing = ca.fmax(ca.fmax(ca.fabs(rim), ca.fabs(v_x)), STANDS * ca.fabs(v_y))
-    contact = contact._replace(S_y=v_y / ca.fmax(passing, MIN_SPEED))
-    # The floor is the sinkage h at which the changed sinkage of the contact is 0. It is found by a secant through h = r
-    # and h = 2 r, which is exact if the changed sinkage is linear in h.
-    r = contact.wheel.r
-    once, twice = (_amend_contact(valued_effects, contact._replace(h=times * r), x).h for times in (1.0, 2.0))
-    h = r * (1.0 - once / (twice - once)) + ca.exp(z[0])
-    contact = _amend_contact(valued_effects, contact._replace(h=h), x)
-    push = Load()
-    for effect, own_states in zip(valued_effects, x, strict=True):
-        push = push.plus(effect.load(contact, push, own_states))
-    rates = [
-        rate
-        for effect, own_states in zip(valued_effects, x, strict=True)
-        for rate in effect.rate(contact, push, own_states)
-    ]
-    # The initial guess follows from the entry angle at which a power law carries the load: h = r (1 - cos theta).
-    shallow = 2 * wheel.r * ca.sin(ca.exp(power_law_guess(ca.log(load), wheel, soil)) / 2) ** 2
-    return push, h, ca.vertcat(ca.log(push.f_n / load), *rates), ca.log(shallow)
 
 
 def with_values_of(effects: tuple[Effect, ...], p: ca.SX) -> tuple[Wheel, Soil, list[Effect]]:

@@ -7,7 +7,6 @@ from rover_pin.onboard.embedded.folder import control_export
 from rover_pin.onboard.embedded.monitor import NUMBERED_CAUSES
 from rover_pin.onboard.embedded.monitor import TABLES as MONITOR_TABLES
 from rover_pin.onboard.embedded.motion import EmbeddedMotion
-from rover_pin.onboard.embedded.source import EmbeddedControl
 from rover_pin.onboard.fmi.unit import MAIN, FunctionalUnit, Variable
 from rover_pin.onboard.monitor.monitor import CAUSES
 from rover_pin.onboard.monitor.source import HORIZON
@@ -92,7 +91,50 @@ def unit_of(control: Controller, model: Model) -> FunctionalUnit:
             variables = (*variables, angles)
         counts = (3 + wheels, wheels + steered)
     else:
-        what, (variables, counts) = "slip control", _slip_variables(export)
+        # The inputs are the rover's readings, and the outputs are duties and estimates. They have the order of the
+        # fields in the C structs, because their values are copied as one block of memory.
+        what = "slip control"
+        wheels, names = len(export.rover.wheels), ", ".join(wheel.name for wheel in export.rover.wheels)
+        per_wheel, links = (0.0,) * wheels, max(export.links, 1)
+        inputs = (
+            Variable(
+                "duty_applied", "", "input", per_wheel, f"duties that are applied now; wheels: {names}", -1.0, 1.0
+            ),
+            Variable("wheel_rate", "rad/s", "input", per_wheel, "rates of the wheel joints"),
+            Variable("current", "A", "input", per_wheel, "motor currents"),
+            Variable("suspension", "rad", "input", (0.0,) * links, "angles of the suspension joints"),
+            Variable("roll", "rad", "input", (0.0,), "roll of the base"),
+            Variable("pitch", "rad", "input", (0.0,), "pitch of the base, positive with the nose down"),
+            Variable(
+                "seen_speed", "m/s", "input", (math.nan,), "speed by visual odometry; NaN if none", may_be_nan=True
+            ),
+            Variable("slip", "", "input", per_wheel, "slip ratios, for a control that does not estimate them"),
+            Variable(
+                "travel",
+                "m/s",
+                "input",
+                per_wheel,
+                "speeds over the ground, for a control that does not estimate slip ratios",
+            ),
+        )
+        answers = (
+            Variable("duty", "", "output", per_wheel, "duties to apply until the next step"),
+            Variable("slip_estimate", "", "output", per_wheel, "slip ratios that the control uses"),
+            Variable("hole", "m", "output", per_wheel, "estimated depth of each wheel's hole"),
+            Variable("stands", "", "output", (0.0,), "probability that the rover does not move while its wheels turn"),
+            Variable("stopped", "", "output", (0.0,), "1 if the rover is stuck and all duties stay 0"),
+        )
+        forecast = (
+            Variable("p_stuck", "", "output", (0.0,), f"probability that the rover is stuck {HORIZON:g} s later"),
+            Variable("p_buried", "", "output", (0.0,), f"probability that a wheel is buried {HORIZON:g} s later"),
+            Variable("alarm", "", "output", (0.0,), "1 while the monitor's alarm is raised"),
+            Variable("cause", "", "output", (0.0,), f"{NUMBERED_CAUSES}; -1 none"),
+            Variable("p_causes", "", "output", (0.0,) * len(CAUSES), f"probability of each cause: {', '.join(CAUSES)}"),
+        )
+        variables = (*inputs, *answers, *(forecast if export.monitor else ()))
+        # `stopped` is not counted, because it is an integer in C and is copied on its own.
+        inputs_count, answers_count = (sum(len(variable.start) for variable in group) for group in (inputs, answers))
+        counts = (inputs_count, answers_count - 1)
         bound = [("control.belief", "fresh.belief", name) for name in TABLES if export.on_board]
         bound += [("monitor", "fresh_monitor", name) for name in MONITOR_TABLES if export.monitor]
         tables = "".join(f"  u->{part}.{name} = {fresh}.{name};\n" for part, fresh, name in bound)
@@ -103,52 +145,3 @@ def unit_of(control: Controller, model: Model) -> FunctionalUnit:
     sources = {"rover_control.h": export.header, "rover_control.c": export.source, MAIN: text}
     what = f"{what} of {export.rover.name}, by rover-pin"
     return FunctionalUnit("rover_controller", what, export.control.period, variables, sources)
-
-
-UnitVariables = tuple[tuple[Variable, ...], tuple[int, int]]
-"""Type of a pair: the variables of a unit, and the numbers of values in the C structs of a reading and of a command."""
-
-
-def _slip_variables(export: EmbeddedControl) -> UnitVariables:
-    """Return the variables of the unit for a slip control, whose inputs are the rover's readings and whose outputs are
-    duties and estimates, and the numbers of values in its C structs.
-
-    The variables have the order of the fields in the C structs, because their values are copied as one block of memory.
-    """
-    wheels, names = len(export.rover.wheels), ", ".join(wheel.name for wheel in export.rover.wheels)
-    per_wheel, links = (0.0,) * wheels, max(export.links, 1)
-    inputs = (
-        Variable("duty_applied", "", "input", per_wheel, f"duties that are applied now; wheels: {names}", -1.0, 1.0),
-        Variable("wheel_rate", "rad/s", "input", per_wheel, "rates of the wheel joints"),
-        Variable("current", "A", "input", per_wheel, "motor currents"),
-        Variable("suspension", "rad", "input", (0.0,) * links, "angles of the suspension joints"),
-        Variable("roll", "rad", "input", (0.0,), "roll of the base"),
-        Variable("pitch", "rad", "input", (0.0,), "pitch of the base, positive with the nose down"),
-        Variable("seen_speed", "m/s", "input", (math.nan,), "speed by visual odometry; NaN if none", may_be_nan=True),
-        Variable("slip", "", "input", per_wheel, "slip ratios, for a control that does not estimate them"),
-        Variable(
-            "travel",
-            "m/s",
-            "input",
-            per_wheel,
-            "speeds over the ground, for a control that does not estimate slip ratios",
-        ),
-    )
-    answers = (
-        Variable("duty", "", "output", per_wheel, "duties to apply until the next step"),
-        Variable("slip_estimate", "", "output", per_wheel, "slip ratios that the control uses"),
-        Variable("hole", "m", "output", per_wheel, "estimated depth of each wheel's hole"),
-        Variable("stands", "", "output", (0.0,), "probability that the rover does not move while its wheels turn"),
-        Variable("stopped", "", "output", (0.0,), "1 if the rover is stuck and all duties stay 0"),
-    )
-    forecast = (
-        Variable("p_stuck", "", "output", (0.0,), f"probability that the rover is stuck {HORIZON:g} s later"),
-        Variable("p_buried", "", "output", (0.0,), f"probability that a wheel is buried {HORIZON:g} s later"),
-        Variable("alarm", "", "output", (0.0,), "1 while the monitor's alarm is raised"),
-        Variable("cause", "", "output", (0.0,), f"{NUMBERED_CAUSES}; -1 none"),
-        Variable("p_causes", "", "output", (0.0,) * len(CAUSES), f"probability of each cause: {', '.join(CAUSES)}"),
-    )
-    variables = (*inputs, *answers, *(forecast if export.monitor else ()))
-    # `stopped` is not counted, because it is an integer in C and is copied on its own.
-    inputs_count, answers_count = (sum(len(variable.start) for variable in group) for group in (inputs, answers))
-    return variables, (inputs_count, answers_count - 1)

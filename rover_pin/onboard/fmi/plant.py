@@ -77,7 +77,39 @@ def plant(model: Model, start: Start = Start(), timing: Timing = Timing()) -> Fu
     assert isinstance(kernel, Kernel)
     loop = Loop(kernel, drive.timing.dt, period, period, per_control=period)
     loop.struct.steps = UNLIMITED_STEPS
-    variables, places = _variables(drive.model, kernel)
+    # The variables of the unit, and the position of each output number in a row of the trace (`places`).
+    rover, servos = drive.model.rover, len(kernel.servo_wheels)
+    wheels = [wheel.name for wheel in rover.wheels]
+    order = f"; wheels: {', '.join(wheels)}"
+    variables = [Variable("duty", "", "input", (0.0,) * len(wheels), f"duty of each motor{order}", -1.0, 1.0)]
+    if servos:
+        variables.append(Variable("steer", "rad", "input", (0.0,) * servos, "steering angles, targets of the servos"))
+    for (name, spec), value in zip(quantities(Soil).items(), kernel.soils[0].tolist(), strict=True):
+        variables.append(
+            Variable(f"soil.{name}", spec.unit, "parameter", (value,), f"soil constant; default from {spec.source}",
+                     *np.clip((spec.low, spec.high), -1e300, 1e300).tolist())
+        )  # fmt: skip
+    row, places = row_type(drive.model), list[int]()
+
+    def out(name: str, unit: str, description: str, field: str, index: Any) -> None:
+        """Add an output to the variables: the entries `index` of the field `field` in a row of the trace."""
+        # A row consists of numbers of 8 bytes, so that the offset in bytes gives the index of a number.
+        assert row.fields is not None
+        kind, offset = row.fields[field][:2]
+        numbers = np.arange(offset // 8, offset // 8 + kind.itemsize // 8).reshape(kind.shape)[index].ravel().tolist()
+        places.extend(numbers)
+        variables.append(Variable(name, unit, "output", (0.0,) * len(numbers), description))
+
+    out("wheel_rate", "rad/s", f"rate of each wheel joint{order}", "v", [wheel.dof for wheel in rover.wheels])
+    for name, (unit, description) in WHEEL_OUTPUTS.items():
+        out(name, unit, description, "record", (slice(None), RECORD.index(name)))
+    joints = suspension_places(rover)
+    if len(joints):
+        out("suspension", "rad", "angles of the suspension joints, in the order of the rover's joints", "q", joints)
+    for axis, (name, remark) in enumerate({"roll": "", "pitch": ", positive with the nose down", "yaw": ""}.items()):
+        out(name, "rad", f"{name} of the base{remark}", "attitude", axis)
+    out("position", "m", "position of the base in the world; z points up", "q", slice(0, 3))
+    out("velocity", "m/s", "velocity of the base in the axes of the world", "velocity", ...)
     # Where groups of variables begin among the values of the unit; `plant.c` copies each group as one block.
     names = [variable.name for variable in variables]
     begins = np.cumsum([0, *(len(variable.start) for variable in variables)]).tolist()
@@ -97,42 +129,6 @@ def plant(model: Model, start: Start = Start(), timing: Timing = Timing()) -> Fu
         tuple(variables),
         {MAIN: "\n".join(lines), "laws.c": laws.text, "rigid_body.c": body},
     )
-
-
-def _variables(model: Model, kernel: Kernel) -> tuple[list[Variable], list[int]]:
-    """Return the variables of the unit for a rover, and the position of each output number in a row of the trace."""
-    wheels, servos = [wheel.name for wheel in model.rover.wheels], len(kernel.servo_wheels)
-    order = f"; wheels: {', '.join(wheels)}"
-    variables = [Variable("duty", "", "input", (0.0,) * len(wheels), f"duty of each motor{order}", -1.0, 1.0)]
-    if servos:
-        variables.append(Variable("steer", "rad", "input", (0.0,) * servos, "steering angles, targets of the servos"))
-    for (name, spec), value in zip(quantities(Soil).items(), kernel.soils[0].tolist(), strict=True):
-        variables.append(
-            Variable(f"soil.{name}", spec.unit, "parameter", (value,), f"soil constant; default from {spec.source}",
-                     *np.clip((spec.low, spec.high), -1e300, 1e300).tolist())
-        )  # fmt: skip
-    row, places = row_type(model), list[int]()
-
-    def out(name: str, unit: str, description: str, field: str, index: Any) -> None:
-        """Add an output to the variables: the entries `index` of the field `field` in a row of the trace."""
-        # A row consists of numbers of 8 bytes, so that the offset in bytes gives the index of a number.
-        assert row.fields is not None
-        kind, offset = row.fields[field][:2]
-        numbers = np.arange(offset // 8, offset // 8 + kind.itemsize // 8).reshape(kind.shape)[index].ravel().tolist()
-        places.extend(numbers)
-        variables.append(Variable(name, unit, "output", (0.0,) * len(numbers), description))
-
-    out("wheel_rate", "rad/s", f"rate of each wheel joint{order}", "v", [wheel.dof for wheel in model.rover.wheels])
-    for name, (unit, description) in WHEEL_OUTPUTS.items():
-        out(name, unit, description, "record", (slice(None), RECORD.index(name)))
-    joints = suspension_places(model.rover)
-    if len(joints):
-        out("suspension", "rad", "angles of the suspension joints, in the order of the rover's joints", "q", joints)
-    for axis, (name, remark) in enumerate({"roll": "", "pitch": ", positive with the nose down", "yaw": ""}.items()):
-        out(name, "rad", f"{name} of the base{remark}", "attitude", axis)
-    out("position", "m", "position of the base in the world; z points up", "q", slice(0, 3))
-    out("velocity", "m/s", "velocity of the base in the axes of the world", "velocity", ...)
-    return variables, places
 
 
 class _Block:

@@ -97,7 +97,39 @@ def structure_faults(tree: UrdfTree) -> Iterator[str]:
         return
     yield from name_faults(tree)
     for joint in tree.joints:
-        yield from _joint_faults(tree, joint)
+        # The type of the joint comes first, because its other faults depend on the type.
+        yield from missing_links(tree, joint)
+        if joint.kind in ("floating", "planar"):
+            yield (
+                f"joint '{joint.name}' is {joint.kind}: delete it and make its child the root, because a free base is "
+                "added when the URDF is read."
+            )
+        elif joint.kind not in KINDS:
+            yield (
+                f"joint '{joint.name}' is of type '{joint.kind}'; use one of {', '.join(KINDS)}, or hold the joint in "
+                "the TOML's [held]."
+            )
+        if joint.moves and np.linalg.norm(joint.axis) < 1e-6:
+            yield (
+                f"joint '{joint.name}' has an axis of length 0; write <axis xyz='0 1 0'/> for an axis across the rover."
+            )
+        if joint.kind == "revolute" and not joint.limited:
+            yield (
+                f"joint '{joint.name}' is revolute and has no <limit>; give lower and upper stop, or make it "
+                "continuous."
+            )
+        if joint.limited and joint.kind == "revolute" and joint.limits[0] >= joint.limits[1]:
+            low, high = joint.limits
+            yield f"joint '{joint.name}' has lower = {low:g} and upper = {high:g} rad, but lower must be below upper."
+        # Stops in degrees would be tens or hundreds of radians; numbers beyond UNLIMITED mean no stop.
+        furthest = max((abs(limit) for limit in joint.limits if abs(limit) < UNLIMITED), default=0.0)
+        if furthest > MAX_STOP:
+            yield f"joint '{joint.name}' has a limit of {furthest:g} rad; give radians, not degrees."
+        # A <mimic> must name an existing joint.
+        others = [tree_joint.name for tree_joint in tree.joints]
+        if joint.mimic is not None and joint.mimic.joint not in others:
+            hint = closest(joint.mimic.joint, others)
+            yield f"joint '{joint.name}' mimics '{joint.mimic.joint}', which does not exist: {hint}"
     # A link with two parents closes a loop, which a tree cannot have.
     for child, times in Counter(joint.child for joint in tree.joints).items():
         if times > 1:
@@ -134,40 +166,6 @@ def missing_links(tree: UrdfTree, joint: Joint) -> Iterator[str]:
     for end, link in (("parent", joint.parent), ("child", joint.child)):
         if link not in links:
             yield f"joint '{joint.name}' names a {end} link '{link}' that does not exist: {closest(link, links)}"
-
-
-def _joint_faults(tree: UrdfTree, joint: Joint) -> Iterator[str]:
-    """Yield the faults of one joint: names of links that do not exist, a type that a rover may not have, and errors in
-    axis, stops and `<mimic>`.
-    """
-    # The type of the joint comes first, because its other faults depend on the type.
-    yield from missing_links(tree, joint)
-    if joint.kind in ("floating", "planar"):
-        yield (
-            f"joint '{joint.name}' is {joint.kind}: delete it and make its child the root, because a free base is "
-            "added when the URDF is read."
-        )
-    elif joint.kind not in KINDS:
-        yield (
-            f"joint '{joint.name}' is of type '{joint.kind}'; use one of {', '.join(KINDS)}, or hold the joint in the "
-            "TOML's [held]."
-        )
-    if joint.moves and np.linalg.norm(joint.axis) < 1e-6:
-        yield f"joint '{joint.name}' has an axis of length 0; write <axis xyz='0 1 0'/> for an axis across the rover."
-    if joint.kind == "revolute" and not joint.limited:
-        yield f"joint '{joint.name}' is revolute and has no <limit>; give lower and upper stop, or make it continuous."
-    if joint.limited and joint.kind == "revolute" and joint.limits[0] >= joint.limits[1]:
-        low, high = joint.limits
-        yield f"joint '{joint.name}' has lower = {low:g} and upper = {high:g} rad, but lower must be below upper."
-    # Stops in degrees would be tens or hundreds of radians; numbers beyond UNLIMITED mean no stop.
-    furthest = max((abs(limit) for limit in joint.limits if abs(limit) < UNLIMITED), default=0.0)
-    if furthest > MAX_STOP:
-        yield f"joint '{joint.name}' has a limit of {furthest:g} rad; give radians, not degrees."
-    # A <mimic> must name an existing joint.
-    others = [tree_joint.name for tree_joint in tree.joints]
-    if joint.mimic is not None and joint.mimic.joint not in others:
-        hint = closest(joint.mimic.joint, others)
-        yield f"joint '{joint.name}' mimics '{joint.mimic.joint}', which does not exist: {hint}"
 
 
 # The roles that the TOML gives to joints.
@@ -211,33 +209,27 @@ def role_faults(layout: Layout, tree: UrdfTree) -> Iterator[str]:
         if joint not in dict(roles):
             yield f"joint '{joint}' moves, but the TOML gives it no role; name it in [suspension], or in [held]."
     yield from axis_against_drawing(tree, layout.wheel_joints)
-    yield from _mimic_faults(layout, tree)
-
-
-def _mimic_faults(layout: Layout, tree: UrdfTree) -> Iterator[str]:
-    """Yield a fault for each `<mimic>` of the URDF that contradicts the TOML, or that the equation of motion cannot
-    represent.
-    """
-    # Each <mimic> is compared with the TOML: it may describe the differential, a pair, or a coupling.
+    # A <mimic> may describe the differential, a pair, or a coupling. It must not contradict the TOML, and the equation
+    # of motion must be able to represent it.
     differential, sides = set(layout.differential or ()), [set(pair) for pair in layout.suspension.values()]
-    for joint in tree.joints:
-        if joint.mimic is None or not joint.moves:
+    for follower in tree.joints:
+        if follower.mimic is None or not follower.moves:
             continue
-        pair = {joint.name, joint.mimic.joint}
-        if pair == differential and (joint.mimic.multiplier, joint.mimic.offset) != (-1.0, 0.0):
+        pair = {follower.name, follower.mimic.joint}
+        if pair == differential and (follower.mimic.multiplier, follower.mimic.offset) != (-1.0, 0.0):
             yield (
-                f"joint '{joint.name}' mimics with multiplier {joint.mimic.multiplier:g} and offset "
-                f"{joint.mimic.offset:g} where both axes point to the left, but a differential turns its rockers by "
+                f"joint '{follower.name}' mimics with multiplier {follower.mimic.multiplier:g} and offset "
+                f"{follower.mimic.offset:g} where both axes point to the left, but a differential turns its rockers by "
                 "opposite angles: multiplier -1 and offset 0."
             )
-        elif pair != differential and pair in sides and joint.mimic.multiplier == -1.0:
+        elif pair != differential and pair in sides and follower.mimic.multiplier == -1.0:
             # Left and right of one pair that turn by opposite angles are a differential, which the TOML must name.
             yield (
-                f"joint '{joint.name}' mimics '{joint.mimic.joint}', but the TOML's [differential] does not join them; "
-                "name the pair in [differential] or delete the <mimic>."
+                f"joint '{follower.name}' mimics '{follower.mimic.joint}', but the TOML's [differential] does not join "
+                "them; name the pair in [differential] or delete the <mimic>."
             )
         elif pair != differential:
-            yield from _coupling_faults(joint, layout)
+            yield from _coupling_faults(follower, layout)
 
 
 def _coupling_faults(joint: Joint, layout: Layout) -> Iterator[str]:

@@ -135,14 +135,45 @@ def normalise_urdf(text: str, file: str, forms: JointForms) -> NormalisedUrdf:
     for name in forms.cut:
         robot.element.remove(robot.joint_element(name, "cut"))
         changes.append(f"joint '{name}' is cut.")
-    changes += _remove_world(robot, forms)
+    # A simulator may place or move the rover in its world by joints above the base. The base is free without these
+    # joints, because `free_tree` adds six free motions. A TOML that names one of their links as the base, or holds one
+    # of these joints, needs them: they stay, and the check reports a fault later.
+    chain = robot.tree.world_joints
+    moving = [number for number, world_joint in enumerate(chain) if world_joint.moves]
+    removed = chain[: moving[-1] + 1] if moving else []
+    needed = any(item.parent == forms.base or item.name in forms.held_joints for item in removed)
+    if removed and not needed:
+        for item in removed:
+            robot.element.remove(robot.joints[item.name])
+            robot.element.remove(
+                next(link for link in robot.element.findall("link") if link.get("name") == item.parent)
+            )
+        quoted = ", ".join(f"the {item.kind} joint '{item.name}' and its link '{item.parent}'" for item in removed)
+        changes.append(f"the base is free without {quoted}, which are therefore removed.")
     for name, (leader, ratio) in forms.coupled.items():
         joint = robot.joint_element(name, "[coupled]")
         robot.joint_element(leader, "[coupled]")
         _follow(joint, leader, ratio)
         changes.append(f"joint '{name}' follows '{leader}' {ratio:+g} : 1, as the TOML states.")
     changes += _hold_joints(robot, forms)
-    changes += _correct_types(robot, forms)
+    # Wheels get the type continuous. Pivots and steering joints that are continuous get stops half a turn to either
+    # side, because Pinocchio stores a continuous joint as cosine and sine, but the suspension needs an angle.
+    for name, joint in robot.joints.items():
+        # yourdfpy and Pinocchio disagree on a fixed joint that follows another.
+        if joint.get("type") == "fixed" and (mimic := joint.find("mimic")) is not None:
+            joint.remove(mimic)
+            changes.append(f"joint '{name}' is fixed: its <mimic> is ignored.")
+        if name in forms.wheels and joint.get("type") == "revolute":
+            joint.set("type", "continuous")
+            changes.append(
+                f"wheel joint '{name}' is revolute: its stops are ignored, because a wheel turns without end."
+            )
+        elif name in (*forms.pivots, *forms.steering) and joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            for old in joint.findall("limit"):
+                joint.remove(old)
+            ET.SubElement(joint, "limit", lower=repr(-math.pi), upper=repr(math.pi), effort="0", velocity="0")
+            changes.append(f"joint '{name}' is continuous: stops half a turn to either side are added.")
     changes += _add_base_frame(robot, forms)
     changes += _turn_axes(robot, forms)
     # Belts or gears tie the wheels of a side: all of them follow its first wheel.
@@ -153,27 +184,6 @@ def normalise_urdf(text: str, file: str, forms: JointForms) -> NormalisedUrdf:
         changes.append(f"wheels '{first}', " + ", ".join(f"'{name}'" for name in others) + " turn together.")
     changes += _follow_one_leader(robot.joints, forms.differential, file)
     return NormalisedUrdf(robot.text if changes else text, tuple(changes))
-
-
-def _remove_world(robot: _Robot, forms: JointForms) -> Iterator[str]:
-    """Remove the joints and links that a simulator uses to place or move the rover in its world, and yield a sentence
-    about the change.
-
-    The base of a rover is free without these joints, because `free_tree` adds six free motions.
-    """
-    chain = robot.tree.world_joints
-    moving = [number for number, joint in enumerate(chain) if joint.moves]
-    removed = chain[: moving[-1] + 1] if moving else []
-    links = [joint.parent for joint in removed]
-    # A TOML that names one of these links as the base, or holds one of these joints, needs them. They stay, and the
-    # check reports a fault later.
-    if not removed or forms.base in links or any(joint.name in forms.held_joints for joint in removed):
-        return
-    for joint in removed:
-        robot.element.remove(robot.joints[joint.name])
-        robot.element.remove(next(link for link in robot.element.findall("link") if link.get("name") == joint.parent))
-    names = ", ".join(f"the {joint.kind} joint '{joint.name}' and its link '{joint.parent}'" for joint in removed)
-    yield f"the base is free without {names}, which are therefore removed."
 
 
 def _follow(joint: ET.Element, leader: str, ratio: float) -> None:
@@ -247,28 +257,6 @@ def _set_origin(element: ET.Element, placement: np.ndarray) -> None:
     origin.set("rpy", " ".join(repr(float(number)) for number in pin.rpy.matrixToRpy(placement[:3, :3])))
 
 
-def _correct_types(robot: _Robot, forms: JointForms) -> Iterator[str]:
-    """Correct the types of joints, and yield a sentence for each change.
-
-    Wheels get the type continuous. Pivots and steering joints that are continuous get stops half a turn to either side.
-    """
-    for name, joint in robot.joints.items():
-        # yourdfpy and Pinocchio disagree on a fixed joint that follows another.
-        if joint.get("type") == "fixed" and (mimic := joint.find("mimic")) is not None:
-            joint.remove(mimic)
-            yield f"joint '{name}' is fixed: its <mimic> is ignored."
-        if name in forms.wheels and joint.get("type") == "revolute":
-            joint.set("type", "continuous")
-            yield f"wheel joint '{name}' is revolute: its stops are ignored, because a wheel turns without end."
-        elif name in (*forms.pivots, *forms.steering) and joint.get("type") == "continuous":
-            # Pinocchio stores a continuous joint as cosine and sine, but the suspension needs an angle.
-            joint.set("type", "revolute")
-            for old in joint.findall("limit"):
-                joint.remove(old)
-            ET.SubElement(joint, "limit", lower=repr(-math.pi), upper=repr(math.pi), effort="0", velocity="0")
-            yield f"joint '{name}' is continuous: stops half a turn to either side are added."
-
-
 def _add_base_frame(robot: _Robot, forms: JointForms) -> Iterator[str]:
     """Add a new root link whose frame is the base frame of the rover, if the root link of the URDF has another frame;
     yield a sentence about the change.
@@ -316,8 +304,28 @@ def _turn_axes(robot: _Robot, forms: JointForms) -> Iterator[str]:
                 unit = joint.axis / np.linalg.norm(joint.axis)
                 if (places[joint.child][:3, :3] @ unit)[direction] <= -ALONG:
                     wrong.append(name)
+        # With the axis of a joint reversed, its stops and the ratios of all <mimic> elements that name it change too.
         for name in wrong:
-            _reverse(robot, name)
+            element = robot.joints[name]
+            axis = element.find("axis")
+            axis = ET.SubElement(element, "axis", xyz="1 0 0") if axis is None else axis
+            # 0.0 - x instead of -x, because a negative zero would be written as "-0.0".
+            axis.set("xyz", " ".join(repr(0.0 - float(number)) for number in str(axis.get("xyz")).split()))
+            # The lower stop becomes the upper stop with the opposite sign, and vice versa.
+            limit = element.find("limit")
+            if limit is not None:
+                low, high = (float(limit.get(end, "0")) for end in ("lower", "upper"))
+                limit.set("lower", repr(0.0 - high))
+                limit.set("upper", repr(0.0 - low))
+            for other_name, other_joint in robot.joints.items():
+                mimic = other_joint.find("mimic")
+                if mimic is None:
+                    continue
+                if mimic.get("joint") == name:  # another joint follows this joint
+                    mimic.set("multiplier", repr(-float(mimic.get("multiplier", "1"))))
+                if other_name == name:  # this joint follows another: both ratio and offset change sign
+                    mimic.set("multiplier", repr(-float(mimic.get("multiplier", "1"))))
+                    mimic.set("offset", repr(0.0 - float(mimic.get("offset", "0"))))
         if wrong:
             quoted_names = ", ".join(f"'{name}'" for name in wrong)
             sense = "turn left" if direction == 2 else "roll forward" if role == "wheel" else "lower the front wheels"
@@ -326,32 +334,6 @@ def _turn_axes(robot: _Robot, forms: JointForms) -> Iterator[str]:
                 f"{role} {points} to -{'xyz'[direction]}: the signs of its angles and rates are reversed, "
                 f"so that positive values {sense}."
             )
-
-
-def _reverse(robot: _Robot, name: str) -> None:
-    """Reverse the direction of a joint's axis. Its stops, and the ratios of all `<mimic>` elements that name the joint,
-    change accordingly.
-    """
-    joint = robot.joints[name]
-    axis = joint.find("axis")
-    axis = ET.SubElement(joint, "axis", xyz="1 0 0") if axis is None else axis
-    # 0.0 - x instead of -x, because a negative zero would be written as "-0.0".
-    axis.set("xyz", " ".join(repr(0.0 - float(number)) for number in str(axis.get("xyz")).split()))
-    # With the axis reversed, the lower stop becomes the upper stop with the opposite sign, and vice versa.
-    limit = joint.find("limit")
-    if limit is not None:
-        low, high = (float(limit.get(end, "0")) for end in ("lower", "upper"))
-        limit.set("lower", repr(0.0 - high))
-        limit.set("upper", repr(0.0 - low))
-    for other_name, other_joint in robot.joints.items():
-        mimic = other_joint.find("mimic")
-        if mimic is None:
-            continue
-        if mimic.get("joint") == name:  # another joint follows this joint
-            mimic.set("multiplier", repr(-float(mimic.get("multiplier", "1"))))
-        if other_name == name:  # this joint follows another: both ratio and offset change sign
-            mimic.set("multiplier", repr(-float(mimic.get("multiplier", "1"))))
-            mimic.set("offset", repr(0.0 - float(mimic.get("offset", "0"))))
 
 
 def _follow_one_leader(

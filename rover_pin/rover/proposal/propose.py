@@ -369,7 +369,21 @@ def passive_wheels(view: Topology, radii: Mapping[str, float]) -> Iterator[str]:
         Name of a joint that may be a wheel's joint -> radius of the wheel [m].
     """
     joints = [view.joints[name] for name in radii]
-    castors = [joint.name for joint in joints if _name_matches(joint, "castor|caster") or _trails(view, joint, radii)]
+    castors = []
+    for joint in joints:
+        if _name_matches(joint, "castor|caster"):
+            castors.append(joint.name)
+            continue
+        axle, centre = view.axis(joint, LEVEL), view.centre(joint, LEVEL)
+        # The nearest joint above the wheel that carries no other wheel, swivels without limits, and has its axis at
+        # right angles to the axle decides whether there is a trail.
+        for up in view.ancestors(joint.name):
+            swivel, offset = view.axis(up, LEVEL), centre - view.centre(up, LEVEL)
+            alone, square = view.below(up.name, list(radii)) == [joint.name], abs(float(swivel @ axle)) <= MAX_COSINE
+            if up.turns_fully and alone and square:
+                if abs(float(offset @ np.cross(swivel, axle))) > MIN_TRAIL * radii[joint.name]:
+                    castors.append(joint.name)
+                break
     # Rollers sit on a wheel, which is a joint without limits that carries more than three joints.
     rollers = []
     for joint in joints:
@@ -397,18 +411,3 @@ def _wheels_phrase(names: Sequence[str]) -> str:
     wheels".
     """
     return f"{', '.join(names)} {'is the wheel' if len(names) == 1 else 'are the wheels'}"
-
-
-def _trails(view: Topology, joint: Joint, radii: Mapping[str, float]) -> bool:
-    """Return whether a joint that carries a wheel lets it swivel like a castor.
-
-    This is the case if the joint carries no other wheel, swivels without limits, and has a distance (trail) between its
-    axis and the wheel's centre. `joint` is the wheel's own joint.
-    """
-    axle, centre = view.axis(joint, LEVEL), view.centre(joint, LEVEL)
-    for up in view.ancestors(joint.name):
-        swivel, offset = view.axis(up, LEVEL), centre - view.centre(up, LEVEL)
-        alone, square = view.below(up.name, list(radii)) == [joint.name], abs(float(swivel @ axle)) <= MAX_COSINE
-        if up.turns_fully and alone and square:
-            return abs(float(offset @ np.cross(swivel, axle))) > MIN_TRAIL * radii[joint.name]
-    return False

@@ -62,8 +62,20 @@ def add_suspension(view: Topology, proposal: Proposal) -> Proposal:
             proposal.suspension[joint.name] = (joint.name,)
             proposal.reasons[joint.name] = "the URDF's <mimic> couples it to the suspension"
         else:
+            # The TOML gets a comment with the reason why the joint is held.
             proposal.held_joints[joint.name] = _rest_value(joint)
-            proposal.reasons[joint.name] = _why_held(view, joint, wheels)
+            below = view.below(joint.name, wheels)
+            if len(below) == 1:
+                reason = f"it carries the wheel '{below[0]}' alone: a leg or swing arm, which is held rigid"
+            elif len(below) == len(wheels):
+                reason = "it carries all wheels"
+            elif below:
+                reason = "it carries wheels but turns about an upright axis or slides"
+            elif any(word in joint.name.lower() for word in BARS):
+                reason = "it may be the bar of a differential: its weight counts, but its motion does not"
+            else:
+                reason = "it carries no wheel: probably an arm or a mast"
+            proposal.reasons[joint.name] = reason
     proposal.skid = not steering
     proposal.cut = view.cut
     for name in view.cut:
@@ -170,17 +182,3 @@ def _rest_value(joint: Joint) -> float:
     low, high = joint.limits
     stops = joint.limited and joint.kind in ("revolute", "prismatic") and low < high
     return min(max(0.0, low), high) if stops else 0.0
-
-
-def _why_held(view: Topology, joint: Joint, wheels: list[str]) -> str:
-    """Return the reason why a joint is held, for the comment in the TOML; `wheels` are the joints of all wheels."""
-    below = view.below(joint.name, wheels)
-    if len(below) == 1:
-        return f"it carries the wheel '{below[0]}' alone: a leg or swing arm, which is held rigid"
-    if len(below) == len(wheels):
-        return "it carries all wheels"
-    if below:
-        return "it carries wheels but turns about an upright axis or slides"
-    if any(word in joint.name.lower() for word in BARS):
-        return "it may be the bar of a differential: its weight counts, but its motion does not"
-    return "it carries no wheel: probably an arm or a mast"

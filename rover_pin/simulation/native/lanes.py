@@ -85,33 +85,8 @@ def c_source(function: ca.Function, shared: Sequence[int] = ()) -> str:
     ParameterError
         The function uses an operation that lanes.h does not have.
     """
-    values, outputs = _number_values(function, frozenset(shared))
-    # Only the outputs and all values that they use are computed, each value after the values that it uses. The search
-    # goes depth first with an explicit stack, because the chains of a law are longer than Python's recursion limit.
-    needed: dict[int, None] = {}
-    stack = sorted(set(outputs.values()), reverse=True)
-    while stack:
-        missing = [i for i in values[stack[-1]].arguments if i not in needed]
-        if missing:
-            stack += missing[::-1]
-        else:
-            needed.setdefault(stack.pop())
-    lines = [f"  const V a{i} = {values[i].code};" for i in needed]
-    lines += [f"  out[{place}] = a{i};" for place, i in sorted(outputs.items())]
-    # Entries of the output that are always zero do not occur among the function's instructions.
-    lines += [f"  out[{place}] = ALL(0.0);" for place in range(function.numel_out(0)) if place not in outputs]
-    # Inputs with one number for each lane arrive as plain doubles, and are cast to the vector type V.
-    inputs = range(function.n_in())
-    names = ", ".join(f"const double *restrict {'in' if k in shared else 'given'}{k}" for k in inputs)
-    casts = [f"  const V *restrict in{k} = (const V *)given{k};" for k in inputs if k not in shared]
-    body = "\n".join([*casts, "  V *restrict out = (V *)result;", *lines])
-    return f"void {function.name()}({names}, double *restrict result) {{\n{body}\n}}\n"
-
-
-def _number_values(function: ca.Function, shared: frozenset[int]) -> tuple[list[_Value], dict[int, int]]:
-    """Return the different intermediate values of a function, and a mapping from the index of each output entry to the
-    index of its value. `shared` are the inputs that all lanes share.
-    """
+    # First, all different intermediate values are numbered. `outputs` maps the index of each output entry to the number
+    # of its value.
     values: list[_Value] = []
     number: dict[tuple[object, ...], int] = {}  # number of the value for an operation and its arguments
     slot: dict[int, int] = {}  # number of the value that each of CasADi's work slots holds
@@ -153,4 +128,23 @@ def _number_values(function: ca.Function, shared: frozenset[int]) -> tuple[list[
         less_one = number.get(("OP_EXPM1", *key[1:])) if key[0] == "OP_EXP" else None
         if less_one is not None:
             values[i] = _Value(f"a{less_one} + 1.0", (less_one,))
-    return values, outputs
+    # Only the outputs and all values that they use are computed, each value after the values that it uses. The search
+    # goes depth first with an explicit stack, because the chains of a law are longer than Python's recursion limit.
+    needed: dict[int, None] = {}
+    stack = sorted(set(outputs.values()), reverse=True)
+    while stack:
+        missing = [i for i in values[stack[-1]].arguments if i not in needed]
+        if missing:
+            stack += missing[::-1]
+        else:
+            needed.setdefault(stack.pop())
+    lines = [f"  const V a{i} = {values[i].code};" for i in needed]
+    lines += [f"  out[{place}] = a{i};" for place, i in sorted(outputs.items())]
+    # Entries of the output that are always zero do not occur among the function's instructions.
+    lines += [f"  out[{place}] = ALL(0.0);" for place in range(function.numel_out(0)) if place not in outputs]
+    # Inputs with one number for each lane arrive as plain doubles, and are cast to the vector type V.
+    inputs = range(function.n_in())
+    names = ", ".join(f"const double *restrict {'in' if k in shared else 'given'}{k}" for k in inputs)
+    casts = [f"  const V *restrict in{k} = (const V *)given{k};" for k in inputs if k not in shared]
+    body = "\n".join([*casts, "  V *restrict out = (V *)result;", *lines])
+    return f"void {function.name()}({names}, double *restrict result) {{\n{body}\n}}\n"
