@@ -101,7 +101,7 @@ def test_model_names_a_rover_beside_elsewhere_or_in_the_package(tmp_path):
         ('middle = ["wheel_ml", "wheel_mr"]', 'fore = ["wheel_ml", "wheel_mr"]', "begin.*letter"),
         ("middle = [", '"" = [', r"\[wheels\]"),
         ('rear = ["steer_rl"', 'back = ["steer_rl"', r"\[steering\].*'back'"),
-        ('value = 0.045, unit = "m"', 'value = 0.045, unit = "s"', "'s'.*measure"),
+        ('value = 0.045, unit = "m"', 'value = 0.045, unit = "s"', "'s' does not fit"),
         ('value = 0.045, unit = "m"', 'value = 45, unit = "m"', "Wheel.r = 45"),
         ("r = {", "radius = {", "'radius'"),
     ],
