@@ -78,7 +78,7 @@ CALLS = {  # what names the mistake in the sentence -> the call
     "rover 'nexus7'": lambda flat: load_rover("nexus7"),
     "'kk'": lambda flat: Soil(kk=0.01),
     "k = 10 m": lambda flat: Soil(k=10),
-    "measure": lambda flat: Soil(phi="30 m"),
+    "does not fit": lambda flat: Soil(phi="30 m"),
     "r = 'large'": lambda flat: Wheel(r="large"),
     "supply = None": lambda flat: Motor(supply=None),
     "delta = 55": lambda flat: ConstantDuty(55),
