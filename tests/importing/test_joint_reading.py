@@ -182,7 +182,7 @@ def test_quaternion_of_either_order(first, tmp_path):
 
 
 def test_bad_file_among_several_is_left_out_and_named(tmp_path):
-    """A straight leg tells no convention alone, and one file stands still: the recording tells both."""
+    """A straight drive does not show the convention, and one file stands still: all files together show both."""
     truth = recordings.truth(seconds=120.0)
     table = table_of(truth)
     for number, rows in enumerate(np.array_split(np.arange(len(table)), 3)):

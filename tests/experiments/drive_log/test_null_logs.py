@@ -67,7 +67,7 @@ def test_no_null_log_is_refused_and_few_are_warned_about():
 
 @pytest.mark.parametrize("duty", ["steps", "constant"])
 def test_a_current_that_is_the_other_way_round_is_refused_where_that_is_sure(duty):
-    """With steps the current follows them the other way; at one duty only a declared motor tells what is drawn."""
+    """At steps of the duty, a reversed current changes against them; at a constant duty, only the motor shows it."""
     random = np.random.default_rng(3)
     run = channels.drive(1) if duty == "steps" else stairs(random, [0.6, 0.6])
     wheel_load = 1.0 if duty == "steps" else 0.5
