@@ -21,6 +21,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel, RigErrors, SideForce, sd_column
 from rover_pin.measurements.checks import Finding, column
 from rover_pin.measurements.pressed import declared_trials
+from rover_pin.measurements.repeats import MIN_FREEDOM, level_numbers, repeat_groups, repeat_noise
 from rover_pin.measurements.rig_file import (
     ANGLE,
     CONVERTED,
@@ -45,6 +46,8 @@ from rover_pin.soil.slip import STANDS, rim_and_travel, slip_ratios
 
 OTHERS = ("slip", "load_N", "run", "level", ANGLE, SLOPE, "slope_sd_rad", *SPEEDS)
 """Names of the columns of points.csv that are read in addition to the channels and their SDs."""
+OF_REPEATS = "noise of repeats"
+"""Name of an attribute of a table of points: one text for each channel whose noise was estimated from repeated runs."""
 MIN_SIMILARITY = 0.7
 """Minimum similarity of two names (difflib's ratio, from 0 to 1). Above this value, one name may be a misspelling of
 the other name."""
@@ -55,7 +58,7 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
 
     The noise of a channel is stated in `[noise]` of `rig.toml`, as `<channel>` in the channel's unit or as
     `<channel>_over_load`, a fraction of the load. Otherwise the column `<channel>_sd_<unit>` of the points holds the
-    noise.
+    noise. If neither states it, the noise is estimated from the scatter of repeated runs, and a finding reports this.
 
     Parameters
     ----------
@@ -67,8 +70,8 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     Raises
     ------
     DataError
-        A missing file, column or noise; an unknown unit; values that are not finite, are out of range, or look like
-        percent or millimetres; speeds that contradict the slip.
+        A missing file or column; a noise that is neither stated nor shown by repeated runs; an unknown unit; values
+        that are not finite, are out of range, or look like percent or millimetres; speeds that contradict the slip.
 
     Examples
     --------
@@ -152,7 +155,8 @@ def _sd(kind: type[RigChannel], table: pd.DataFrame, noise: Mapping[str, Any], w
     """Return the SD of a rig channel, either as one number for all runs or as one value for each run.
 
     If [noise] of rig.toml states the SD, in the unit of the channel or as a fraction of the load, this value is taken.
-    Otherwise the points must have a column with the SD of the channel. Raises DataError if the SD is stated nowhere.
+    Otherwise the column with the SD of the channel is taken, and without this column the scatter of repeated runs.
+    Raises DataError if the SD is stated nowhere and too few runs are repeated.
     """
     # The declaration in rig.toml precedes a column of SDs.
     stem = kind.column.rpartition("_")[0]
@@ -163,9 +167,21 @@ def _sd(kind: type[RigChannel], table: pd.DataFrame, noise: Mapping[str, Any], w
         return share * column(table["load_N"], "load_N", where)
     if sd_column(kind.column) in table:
         return table[sd_column(kind.column)]
-    raise DataError(
-        f"{where}: the noise of {stem} is not stated: write [noise] {stem} = {{ value, unit = '{kind.unit}' }}."
+    # Repeated runs show the noise of one run, including the difference between two preparations of the bed.
+    slip = column(table["slip"], "slip", where)
+    levels = level_numbers(slip, table["level"].to_numpy() if "level" in table else None)
+    group = repeat_groups(levels, column(table["load_N"], "load_N", where), _slip_angles(table, where))
+    scatter = repeat_noise(column(table[kind.column], kind.column, where, gaps=True), slip, group)
+    if scatter is None:
+        raise DataError(
+            f"{where}: the noise of {stem} is not stated, and fewer than {MIN_FREEDOM} values repeat others at the "
+            f"same slip and load: write [noise] {stem} = {{ value, unit = '{kind.unit}' }}."
+        )
+    table.attrs.setdefault(OF_REPEATS, []).append(
+        f"the noise of {stem} is not stated: {scatter.sd:.3g} {kind.unit} from the scatter of repeats with "
+        f"{scatter.freedom} degrees of freedom"
     )
+    return scatter.sd
 
 
 def _speeds(table: pd.DataFrame, data: RigSet, where: str) -> np.ndarray | None:
@@ -250,6 +266,8 @@ def _reading_findings(
     if table.attrs.get(OF_SPEEDS):
         message = f"{table.attrs[OF_SPEEDS]} of {len(table)} runs have no finite slip"
         yield Finding(message, points_file, "their slip is computed from the speeds by Eq (1): -1 for a locked wheel")
+    for what in table.attrs.get(OF_REPEATS, []):
+        yield Finding(what, points_file, "state it in [noise] of rig.toml if it is known better")
     if CONVERTED in table.attrs:
         what = f"slips are converted to Eq (1) by slip_definition ({table.attrs[CONVERTED]})"
         yield Finding(what, points_file, "remove this key if the column already holds the slip of Eq (1)")

@@ -8,7 +8,7 @@ import pytest
 from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil
 from rover_pin.effects.bulldozing import Bulldozing
-from rover_pin.experiments.wheel_rig.declared import describe_declared, presets
+from rover_pin.experiments.wheel_rig.declared import describe_declared, preset_candidate, presets
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment, join_sets
 from rover_pin.measurements.repeats import repeat_groups, repeat_noise
 from rover_pin.measurements.rig_physics import suspicions
@@ -108,12 +108,58 @@ def test_a_gravity_that_is_none_is_refused(gravity, tmp_path):
         rig(tmp_path / "odd", "slip,load_N,sinkage_m\n0,40,0.01\n", f"gravity = {gravity}")
 
 
-def test_one_joint_fit_has_one_weight_of_the_sand(tmp_path):
-    table, density = "slip,load_N,sinkage_m\n0,40,0.01\n0.5,41,0.02\n", "bulk_density = 1500"
-    earth = rig(tmp_path / "earth", table, 'name = "earth"', soil=density)
-    moon = rig(tmp_path / "moon", table.replace("4", "5"), 'name = "moon"\ngravity = "moon"', soil=density)
-    with pytest.raises(DataError, match=r"moon: gravity is 1\.62"):
-        join_sets([earth, moon])
+def test_sand_without_a_declared_density_still_weighs_less_on_the_moon(tmp_path):
+    """The default gamma is 1600 kg/m^3 on Earth; under another gravity a fit starts from this density, and frees it."""
+    table = "slip,load_N,sinkage_m\n0,4,0.01\n0.5,8,0.02\n"
+    moon = rig(tmp_path / "moon", table, 'gravity = "moon"')
+    candidate = preset_candidate(Bulldozing(), moon)
+    assert candidate.effect.gamma == pytest.approx(1600 * 1.62)
+    assert "Bulldozing.gamma" in candidate.shapes
+    assert preset_candidate(Bulldozing(), rig(tmp_path / "here", table)).effect.gamma == Bulldozing().gamma
+
+
+def on_two_bodies(tmp_path, c=0.0):
+    """One wheel of given mass in one sand of cohesion `c`, on Earth and on the Moon."""
+    table, density = (
+        "slip,load_kg,sinkage_m,drawbar_pull_N,drawbar_pull_sd_N\n0.1,4,0.01,1,1\n0.5,4,0.02,2,1\n",
+        "bulk_density = 1500",
+    )
+    earth = rig(tmp_path / "earth", table, 'name = "earth"', soil=f"{density}\nc = {c}")
+    moon = rig(
+        tmp_path / "moon", table.replace("0.01,1,", "0.01,1.1,"), 'name = "moon"\ngravity = "moon"', soil=density
+    )
+    return join_sets([earth, moon])
+
+
+def test_a_wheel_of_given_mass_sinks_alike_under_any_gravity_in_dry_sand(tmp_path):
+    """Dimensional analysis (and Kobayashi et al., 2010): in sand without cohesion, all forces are proportional to g."""
+    joint = on_two_bodies(tmp_path)
+    model = joint.base_model().having(Bulldozing(gamma=presets(joint.declared)["gamma"].value))
+    (earth, moon), g = ((model.of(name), joint.sets[i]) for i, name in enumerate(("earth", "moon"))), 1.62 / 9.81
+    here, there = (of.predict(data.load, data.slip) for of, data in (earth, moon))
+    assert there.sinkage == pytest.approx(here.sinkage, rel=1e-9)
+    assert there.drawbar_pull == pytest.approx(g * here.drawbar_pull, rel=1e-9)
+    assert moon[0].records["Bulldozing"].gamma == pytest.approx(1500 * 1.62)
+
+
+def test_slopes_of_a_joint_fit_hold_under_every_gravity(tmp_path):
+    joint = on_two_bodies(tmp_path, c=50.0)
+    model = joint.base_model()
+    parameters = joint.uncertain(model)
+    u = np.array([parameter.u(joint.value(model, parameter.name)) for parameter in parameters])
+    exact = joint.sensitivities(model, parameters, u).slopes
+    for i, parameter in enumerate(parameters):
+        step = 1e-5 * np.eye(len(u))[i]
+        up, down = (
+            joint.predict(
+                [joint.with_values(model, {p.name: p.value(x) for p, x in zip(parameters, at, strict=True)})]
+            )[0]
+            for at in (u + step, u - step)
+        )
+        difference = np.nan_to_num((up - down) / 2e-5)
+        assert np.nan_to_num(exact[i]) == pytest.approx(difference, abs=1e-6 + 1e-4 * np.abs(difference).max()), (
+            parameter.name
+        )
 
 
 def test_a_wheel_pushed_sideways_may_sink_deeper_than_its_axle(tmp_path):

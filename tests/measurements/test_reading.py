@@ -46,6 +46,21 @@ def test_shipped_smooth_wheel_is_read_as_its_files_say():
     assert rig.levels.tolist() == table["level"].astype(str).tolist()
 
 
+def test_repeats_state_the_noise_that_nobody_declares(tmp_path):
+    """Four levels of three runs: 8 degrees of freedom. With two runs a level there would be too few repeats."""
+    random, slips = np.random.default_rng(3), np.repeat([0.1, 0.3, 0.5, 0.7], 3)
+    pull = 10 * slips + random.normal(0.0, 0.2, 12)
+    rows = [f"{i},{S},25,{f:.6g},{0.01 + 0.02 * S}" for i, (S, f) in enumerate(zip(slips, pull, strict=True))]
+    points = "\n".join([POINTS.splitlines()[0], *rows]) + "\n"
+    undeclared = RIG.replace('drawbar_pull = { value = 0.3, unit = "N" }\n', "")
+    rig = read_rig_set(folder(tmp_path, undeclared, points))
+    within = [pull[slips == S].var(ddof=1) for S in (0.1, 0.3, 0.5, 0.7)]
+    assert rig.channels[0].sd == pytest.approx(math.sqrt(np.mean(within)), rel=1e-4)
+    assert any("drawbar_pull" in finding.what and "8 degrees" in finding.what for finding in rig.unread)
+    with pytest.raises(DataError, match="noise of drawbar_pull"):
+        read_rig_set(folder(tmp_path, undeclared))
+
+
 def test_units_of_the_toml_are_converted(tmp_path):
     rig = read_rig_set(folder(tmp_path))
     assert rig.wheel.r == pytest.approx(0.0625)

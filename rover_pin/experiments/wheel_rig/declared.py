@@ -136,9 +136,12 @@ without lugs."""
 TRENCH, FULL_BY = "LugExcavation.h_l", 0.3
 """Name of the parameter for the height of digging lugs, and its relative prior SD (assumed). The SD represents the
 filling of the pockets between lugs, which is not measured (`studies/wheel_laws.py` compares some)."""
-HELD = ("gamma",)
-"""Names of the effect parameters that stay fixed at their declared number in a fit. Every other effect parameter starts
-at its declared number and keeps its usual prior."""
+HELD = ("bulk_density",)
+"""Keys of rig.toml whose effect parameters stay fixed at the declared number in a fit. Every other effect parameter
+starts at its declared number and keeps its usual prior."""
+ASSUMED_DENSITY = 1600.0
+"""Density of loose dry sand [kg/m^3] in the default of gamma of every effect (assumed). It gives the weight of the sand
+under another gravity, if the density is not declared."""
 PRESET_UNITS = {"gamma": "N/m^3", "phi_f": "rad", "h_l": "m", "h_s": "m", "filled": ""}
 """Name of an effect parameter that a declaration can preset -> its unit. A parameter with another unit is not
 preset."""
@@ -158,7 +161,8 @@ class Preset(NamedTuple):
 def presets(rig: RigSet) -> dict[str, Preset]:
     """Return the values of effect parameters that follow from the declarations of a data set: parameter name -> value.
 
-    gamma = rho g is the specific weight of the sand, with the density rho and the gravity g at the test. phi_f, the
+    gamma = rho g is the specific weight of the sand, with the density rho and the gravity g at the test. Without a
+    declared density, a declared gravity gives the initial value of gamma, with rho = 1600 kg/m^3 (assumed). phi_f, the
     friction angle between sand and sand, starts at the angle of repose. h_l and h_s are the height of the lugs.
     `filled` is the fraction of the rim between lugs, E = 1 - N w / (2 pi (r + h_l / 2)) for N lugs of width w on a
     wheel of radius r.
@@ -168,6 +172,8 @@ def presets(rig: RigSet) -> dict[str, Preset]:
     declared_presets = {}
     if "bulk_density" in declared_values:
         declared_presets["gamma"] = Preset("gamma", declared_values["bulk_density"] * rig.gravity, "bulk_density")
+    elif not rig.gravity_is_assumed:
+        declared_presets["gamma"] = Preset("gamma", ASSUMED_DENSITY * rig.gravity, "gravity")
     if "angle_of_repose" in declared_values:
         declared_presets["phi_f"] = Preset("phi_f", declared_values["angle_of_repose"], "angle_of_repose")
     if declared_values.get("lug_height", 0.0) > 0.0:
@@ -220,8 +226,8 @@ def known_heights(rig: RigSet, records: Mapping[str, Any]) -> Iterator[Parameter
 def preset_candidate(effect: Effect, rig: RigSet) -> Candidate:
     """Return an effect as a candidate whose parameters have the values that rig.toml declares for lugs and sand.
 
-    A declared value is clipped to the bounds of the effect's parameter. The parameters named in `HELD` stay fixed in a
-    fit.
+    A declared value is clipped to the bounds of the effect's parameter. The parameters of the keys in `HELD` stay fixed
+    in a fit.
     """
     # Fixed numbers are removed from the free shapes of the candidate; all others only change their initial value.
     declared_presets = _of(effect, presets(rig))
@@ -231,7 +237,7 @@ def preset_candidate(effect: Effect, rig: RigSet) -> Candidate:
         for preset in declared_presets
     }
     plain = plain_candidate(effect.replace(**within))
-    fixed_names = {f"{plain.kind}.{preset.name}" for preset in declared_presets if preset.name in HELD}
+    fixed_names = {f"{plain.kind}.{preset.name}" for preset in declared_presets if preset.source in HELD}
     return dataclasses.replace(plain, shapes=tuple(name for name in plain.shapes if name not in fixed_names))
 
 
@@ -281,7 +287,7 @@ def _owners(rig: RigSet, effects: Sequence[Effect]) -> dict[str, list[str]]:
 
 def _preset_text(preset: Preset, names: Sequence[str]) -> str:
     """Return the clause that states one declared number and the effect parameters (`names`) that get this number."""
-    role = "fixes" if preset.name in HELD else "is the initial value of"
+    role = "fixes" if preset.source in HELD else "is the initial value of"
     return f"{preset.source} {role} {', '.join(names)} = {format_value(preset.value, PRESET_UNITS[preset.name])}"
 
 

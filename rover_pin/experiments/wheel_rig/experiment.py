@@ -23,7 +23,7 @@ from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.folded import stack
 from rover_pin.experiments.soil_priors import SD
-from rover_pin.experiments.wheel_rig.declared import LUGS, SetNumbers, known_heights, known_trench
+from rover_pin.experiments.wheel_rig.declared import SetNumbers, known_heights, known_trench
 from rover_pin.experiments.wheel_rig.joint_model import SET_RECORDS, JointModel, SetRecords, of_one_sand
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.experiments.wheel_rig.runs import PRESSED, RigRuns
@@ -179,7 +179,11 @@ class RigExperiment(Differentiable):
         sand = soil or of_one_sand(rigs).soil()
         if len(rigs) == 1:
             return RigModel(rigs[0].wheel, sand, effects, rigs[0].errors)
-        parts = {rig.name: SetRecords(rig.wheel, rig.errors, rig.beside.get("lug_height")) for rig in rigs}
+        gravity = self.declared.gravity
+        parts = {
+            rig.name: SetRecords(rig.wheel, rig.errors, rig.beside.get("lug_height"), rig.gravity / gravity)
+            for rig in rigs
+        }
         return JointModel(sand, effects, parts)
 
     @property
@@ -188,7 +192,8 @@ class RigExperiment(Differentiable):
         repose.
 
         It is the data set with the highest lugs, completed by the declarations of the other data sets. A declared lug
-        height of 0 (no lugs) is dropped unless every data set declares its lug height.
+        height of 0 (no lugs) is dropped unless every data set declares its lug height. The gravity is the gravity for
+        which the joint model's soil holds.
         """
         # Later entries overwrite earlier ones, so the data set with the highest lugs decides.
         rigs = sorted(self.sets, key=lambda rig: rig.beside.get("lug_height", 0.0))
@@ -196,7 +201,9 @@ class RigExperiment(Differentiable):
         beside = {name: value for rig in rigs for name, value in rig.beside.items()}
         if not all_declare_lugs and beside.get("lug_height") == 0.0:
             del beside["lug_height"]
-        return replace(rigs[-1], beside=beside)
+        gravity = of_one_sand(self.sets).gravity
+        assumed = any(rig.gravity_is_assumed for rig in self.sets)
+        return replace(rigs[-1], beside=beside, gravity=gravity, gravity_is_assumed=assumed)
 
     def records(self, model: RigModel | JointModel) -> Mapping[str, Any]:
         """Return a mapping from names to the parts of a model that have numbers to fit.
@@ -262,7 +269,7 @@ class RigExperiment(Differentiable):
         """
         predicted, slopes = [], []
         for name, runs in self.runs.items():
-            set_model, share = model.of(name), model.lug_share(name)
+            set_model = model.of(name)
             # The name of each parameter in the model of this data set; '' if it belongs to another data set. Parameters
             # of the shared soil and effects have the same name in every data set.
             names = [parameter.name for parameter in parameters]
@@ -276,8 +283,10 @@ class RigExperiment(Differentiable):
             acting = [i for i, local in enumerate(names) if local and local.rpartition(".")[0] in set_model.records]
             acting_parameters = []
             for number in (replace(parameters[i], name=names[i]) for i in acting):
-                # `share` is the lug height of this data set divided by the largest lug height of all data sets.
-                if share != 1.0 and number.name.rpartition(".")[2] in LUGS:
+                # Heights of lugs, and under another gravity the weight and the moduli of the sand, have another value
+                # in this data set; `share` is its ratio to the value of the joint model.
+                share = model.share(name, number.name)
+                if share != 1.0:
                     number = replace(
                         number,
                         origin=number.origin * share,

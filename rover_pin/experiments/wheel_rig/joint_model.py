@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from rover_pin.base.errors import DataError
-from rover_pin.base.quantity import quantities
+from rover_pin.base.quantity import Record, quantities
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.interface_friction import InterfaceFriction
@@ -26,8 +26,8 @@ SET_RECORDS = (("wheel", "wheel"), ("rig", "errors"))
 
 @dataclass(frozen=True)
 class SetRecords:
-    """Parts of a joint model that belong to one data set: its wheel, its reading errors, and its declared lug
-    height.
+    """Parts of a joint model that belong to one data set: its wheel, its reading errors, its declared lug height, and
+    the weight of the sand under it.
     """
 
     wheel: Wheel
@@ -35,6 +35,8 @@ class SetRecords:
     "errors of the rig's readings"
     lugs: float | None
     "declared height of the wheel's lugs [m]; None if not declared"
+    weight: float = 1.0
+    """gravity at the test, divided by the gravity for which the numbers of the joint model hold [-]"""
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,16 @@ class JointModel:
     have no lugs. The lug height in the effect is the height of the highest lugs. For another wheel, it is reduced in
     proportion to the declared height of its lugs. `InterfaceFriction` is an effect of a smooth rim, so it acts under
     every wheel except a wheel that is declared to have lugs: between lugs, sand shears on sand.
+
+    Data sets may be measured under different gravity. The numbers of the soil hold for one gravity. Under another
+    gravity, the unit weight gamma and the pressure moduli k_1 and k_2 are multiplied by the ratio of both gravities.
+    For dry sand of constant density and friction angle, the pressure under a wheel of width b at the sinkage h is p =
+    gamma b f(h / b, phi), because no other quantity has the dimension of a pressure. Limit: a cohesion c carries load
+    without weight, so that k_1 of a cohesive soil falls less.
+
+    Source: dimensional analysis, as in Reece's (c k_c + gamma b k_phi) (h / b)^n, Proc. IMechE 180 (1965) 45; Kobayashi
+    et al., J. Terramechanics 47 (2010) 261, and Wong and Kobayashi, J. Terramechanics 49 (2012) 349: in parabolic
+    flights the sinkage of a wheel of given mass did not depend on the gravity.
     """
 
     soil: Soil
@@ -93,8 +105,9 @@ class JointModel:
             heights = [height for height in LUGS if height in effect.neutral]
             acts = not part.lugs if isinstance(effect, InterfaceFriction) else part.lugs != 0.0 or not heights
             if acts:
-                effects.append(effect.replace(**{height: getattr(effect, height) * share for height in heights}))
-        return RigModel(part.wheel, self.soil, tuple(effects), part.errors)
+                effects.append(_scaled(effect, {**dict.fromkeys(heights, share), **dict.fromkeys(WEIGHT, part.weight)}))
+        soil = _scaled(self.soil, dict.fromkeys(MODULI, part.weight))
+        return RigModel(part.wheel, soil, tuple(effects), part.errors)
 
     def lug_share(self, name: str) -> float:
         """Return the lug height of the data set `name`, divided by the largest lug height of all data sets.
@@ -105,6 +118,32 @@ class JointModel:
         # An undeclared height counts as that of the highest lugs.
         lugs = self.parts[name].lugs
         return lugs / max(part.lugs or 0.0 for part in self.parts.values()) if lugs else float(lugs is None)
+
+    def share(self, name: str, parameter: str) -> float:
+        """Return the ratio of a parameter of the data set `name` to this parameter of the joint model.
+
+        The ratio differs from 1 for the heights of lugs, and under another gravity for the weight and the moduli of the
+        sand. `parameter` is a name such as "soil.k_1".
+        """
+        quantity = parameter.rpartition(".")[2]
+        if quantity in LUGS:
+            return self.lug_share(name)
+        return self.parts[name].weight if quantity in (*WEIGHT, *MODULI) else 1.0
+
+
+WEIGHT, MODULI = ("gamma",), ("k_1", "k_2")
+"""Names of the parameters that are proportional to gravity: the unit weight of the sand in effects, and the pressure
+moduli of the soil."""
+
+R = TypeVar("R", bound=Record)
+
+
+def _scaled(record: R, ratios: Mapping[str, float]) -> R:
+    """Return a part of a model with some of its numbers multiplied by the given ratios; names that it does not have are
+    ignored.
+    """
+    present = {name: ratio for name, ratio in ratios.items() if ratio != 1.0 and name in quantities(record)}
+    return record.replace(**{name: getattr(record, name) * ratio for name, ratio in present.items()})
 
 
 T = TypeVar("T")
@@ -123,22 +162,13 @@ def of_one_sand(rigs: Sequence[RigSet]) -> RigSet:
     The returned data set is the first one with pressing trials, or otherwise the one with most declarations. This
     choice matters because k_c and k_phi are converted to k_1 and k_2 at the width of its wheel. If several data sets
     state a range or an SD of one constant, the statement of the returned data set is used, and otherwise the first one.
+    The soil constants hold for the gravity of the returned data set.
 
     Raises
     ------
     DataError
-        Two data sets declare different values of one constant. Or a density is declared and the data sets were tested
-        under different gravity, although the model has only one weight of the sand.
+        Two data sets declare different values of one constant.
     """
-    # Gravity acts only on the weight of the sand, so different gravities matter only if a density is declared.
-    weighed = [rig for rig in rigs if "bulk_density" in _first([rig.beside for rig in rigs])]
-    for rig in weighed:
-        if not math.isclose(rig.gravity, weighed[0].gravity, rel_tol=DECLARED_TOLERANCE):
-            raise DataError(
-                f"{rig.name}: gravity is {rig.gravity:g} m/s^2, but {weighed[0].gravity:g} m/s^2 for "
-                f"{weighed[0].name}. A joint fit has one weight of the sand for all data sets: fit them one by one, or "
-                "leave bulk_density out."
-            )
     chosen = max(rigs, key=lambda rig: (bool(rig.trials), len(rig.declared)))
     # The first declaration of each constant is compared with all later ones.
     declarations: dict[str, tuple[str, float]] = {}

@@ -146,8 +146,8 @@ class RigModel:
         """
         return self
 
-    def lug_share(self, name: str) -> float:
-        """Return the lug height of the data set `name`, divided by the largest lug height of all data sets.
+    def share(self, name: str, parameter: str) -> float:
+        """Return the ratio of a parameter of the data set `name` to this parameter of the model.
 
         The ratio is always 1, because a `RigModel` describes one data set only.
         """
