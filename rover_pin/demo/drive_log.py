@@ -45,11 +45,12 @@ K, K_SD, PHI_SD = 0.005, 0.2, math.radians(1.5)
 the soil tests. K_SD holds for k and k_1 as a fraction of their values [-], and PHI_SD for the friction angle phi
 [rad]."""
 DRIFT = 5e-4
-"""Standard deviation of the drift of the tracked position, in x and in y, after one second [m]. The drift is a random
-walk."""
+"""Standard deviation of the drift of the tracked position, in x and in y, after one second [m] (assumed). The drift is
+a random walk, so that its standard deviation grows with the root of the time: 2 mm after 16 s."""
 MOTOR_SD, TACHO_SD = 0.01, 0.005
-"""Standard deviations of the differences between wheels, as fractions [-]. MOTOR_SD holds for the motor torque, and
-TACHO_SD for the gain of the tachogenerator, which is the sensor of the wheel rate."""
+"""Standard deviations of the differences between wheels, as fractions [-] (assumed). MOTOR_SD holds for the motor
+torque, and TACHO_SD for the gain of the tachogenerator, which is the sensor of the wheel rate. The differences are part
+of the true model, because real motors and sensors differ too, but they do not count as the hidden effect."""
 
 
 def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress: Progress | None = None) -> DemoSet:

@@ -18,9 +18,11 @@ from rover_pin.simulation.simulate import Progress
 from rover_pin.simulation.trace.trace import Trace
 
 RUNS = 4
-"""Number of runs in the recording. Between two runs the rover is carried back to a start."""
+"""Number of runs in the recording. The last two runs repeat the first two. Between two runs the rover is carried back
+to a start."""
 PAUSE = 60.0
-"""Time between two runs in which nothing is recorded [s]."""
+"""Time between two runs in which nothing is recorded [s] (assumed). The import finds the runs by this gap in the
+time."""
 RPM = 30.0 / math.pi
 """Factor from rad/s to revolutions per minute."""
 BODY_COLUMNS = {

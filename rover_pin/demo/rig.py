@@ -16,6 +16,7 @@ from rover_pin.measurements.foreign_rig import channel_unit
 from rover_pin.simulation.model.effect_files import reading_traction
 
 WHEEL = Wheel(r=0.08, b=0.07)
+"""The tested wheel, of the size of the wheels of a small rover."""
 SOIL = Soil(c=150.0, phi=math.radians(32.0), k=0.010, k_1=70e3, k_2=0.0, n=1.0)
 """Dry sand as the data set states it. The numbers of the true sand differ from these by the errors of soil tests."""
 LOADS, SLIPS, REPEATS = (30.0, 45.0), (-0.2, 0.0, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8), 3

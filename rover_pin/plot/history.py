@@ -42,15 +42,18 @@ class WheelChannel(NamedTuple):
 SLIP = WheelChannel("slip", "slip S", "")
 SINKAGE = WheelChannel("sinkage", "sinkage", "mm", 1e3)
 DUTY = WheelChannel("duty", "duty", "")
+"""The channels of the wheels that have a panel of the figure."""
 SPEED, ANGLES, HEADING = "speed [mm/s]", "angle [deg]", "heading [deg]"
 """Labels of the panels that show the motion of the body instead of a channel of the wheels."""
 MIN_CHANGE = 1e-3
-"""Smallest change of a wheel's channel that is drawn, in the unit of its label. A channel that changes less counts as
-constant and is stated in the title."""
+"""Smallest change of a wheel's channel that is drawn, in the unit of its label. A channel that changes less would be a
+level line; it counts as constant, and the title states its value."""
 MIN_TURN = 0.05
-"""Smallest change of an angle that is drawn [deg]. An angle that changes less counts as constant."""
+"""Smallest change of an angle that is drawn [deg]. An angle that changes less counts as constant and is omitted,
+because the scale of its panel would enlarge a motion that is too small to matter."""
 MIN_SIDE_SPEED = 0.03
-"""Smallest speed to the left that is drawn, as a fraction of the forward speed. A smaller speed counts as wobble."""
+"""Smallest speed to the left that is drawn, as a fraction of the forward speed. A smaller speed is omitted: a rover
+that drives straight on also wobbles a little."""
 SIZE, LEGEND = (9.8, 1.9), 1.3
 """Width of the figure and height of a panel (SIZE), and width of the legends (LEGEND) [in]. The legends are next to the
 panels, so that they hide no line."""

@@ -17,7 +17,7 @@ every text would double the time of the drawing."""
 
 MAX_TITLE = 110
 """Maximum number of characters in a line of a title above the axes of a sheet. A longer title continues on the next
-line."""
+line, because it would extend beyond a figure of the usual width."""
 
 
 def in_lines(parts: Sequence[str], longest: int = MAX_TITLE) -> str:

@@ -18,19 +18,22 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.view.colours import draw_heights
 
 SPACING = 0.5
-"""Approximate distance between two snapshots [m]."""
+"""Approximate distance between two snapshots on a long path [m]. It is about the length of a small rover, so that the
+drawn rovers hardly overlap."""
 WIDTH, BAR = 7.5, 0.8
 """Width of the figure (WIDTH), and width of the margin for the colour bar of the heights (BAR) [in]. A page of the site
 shows a figure at about 690 pixels, so that a letter of the size FONT has a height of 11 pixels there."""
 FONT, TITLE_LENGTH, LINE = 9.0, 84, 0.16
-"""Size of the letters of titles and labels (FONT) [pt], maximum number of characters in a line of the title, and height
-of such a line (LINE) [in]."""
+"""FONT is the size of the letters of titles and labels [pt]. A line of the title has at most TITLE_LENGTH characters,
+which fit into WIDTH at this size, and LINE is the height of such a line [in]."""
 PAPER = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 1.0}
-"""Style of the background of a label on the drawing."""
+"""Style of the background of a label. The background is nearly white, so that lines behind the label do not disturb."""
 LABEL = (0.6, 0.2)
-"""Approximate width and height of the largest label [in]. Labels that are closer to each other than this are joined."""
+"""Approximate width and height of the largest label [in]. Labels whose distance is smaller would overlap, and are
+joined to one label."""
 SAME_PLACE = 0.02
-"""In the side view, two rovers whose distance is below this fraction of the drawn length share a label."""
+"""In the side view, two rovers share a label if their distance is below this fraction of the drawn length. At this
+distance, the drawn rovers coincide nearly."""
 
 
 def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:

@@ -15,8 +15,8 @@ from rover_pin.simulation.trace.draw import COLOURS
 MAIN_OUTCOMES = ("distance_m", "mean_slip", "energy_motor_J", "max_pitch_deg")
 """Outcomes of a drive that the figure shows first, before other outcomes."""
 MAX_OUTCOMES, MAX_PARAMETERS, MAX_KINDS = 3, 4, 4
-"""Maximum numbers of outcomes (one row each), of parameters (one column each), and of kinds of case (one colour map
-each) in the figure. The figure omits all further ones."""
+"""The figure shows at most MAX_OUTCOMES outcomes (one row each), MAX_PARAMETERS parameters (one column each) and
+MAX_KINDS kinds of case (one colour map each). It omits all others, because smaller panels could not be read."""
 MARKERS = "os^DvP"
 """Markers of the kinds of case, in matplotlib's notation."""
 UNITS = {"m": "m", "s": "s", "J": "J", "deg": "deg", "W": "W", "N": "N"}

@@ -15,8 +15,7 @@ LOOKS = {
     "before": ("^", COLOURS[3]),
     "tuned": ("o", COLOURS[0]),
 }
-"""Beginning of a control's name -> marker and colour of this control. The marker is hollow if the control uses an
-estimated slip."""
+"""Beginning of a control's name -> marker and colour of this control."""
 
 
 def tuning_figure(table: Any, title: str) -> Figure:
@@ -91,6 +90,8 @@ def frontier_figure(table: Any, trials: Sequence[tuple[float, float]], estimate:
 def _panel(axes: Axes, rows: Any, drives: list[str]) -> None:
     """Draw the training drives or the held-out drives: for each drive, a grey line spans its costs under all controls,
     with a marker for each control.
+
+    The marker of a control is hollow if the control uses an estimated slip.
     """
     # The first drive is at the top.
     places = {drive: -n for n, drive in enumerate(drives)}

@@ -29,15 +29,16 @@ from rover_pin.report.cause_sets import (
 from rover_pin.report.words import Labels, brief, capital, cause, human, kinds_of, listing, pair, two_digits
 
 MAX_HEADLINE_WORDS = 25
-"""Maximum number of words in a headline. A longer sentence is replaced by a shorter one that names fewer causes."""
+"""Maximum number of words in a headline. A longer sentence is replaced by a shorter one that names fewer causes,
+because a headline must be understood at first reading."""
 
 NOTHING_MISSING = "nothing is missing"
 """Clause of a headline for the alternative that no cause acts, so that the base model is right."""
 UNUSABLE = "do not use the fitted numbers as constants"
 """Warning about the fitted numbers of a model that does not describe the data."""
 MAX_NEGLIGIBLE_PROBABILITY = 1.0 - CONFIDENCE
-"""Largest probability of a cause that is not mentioned. If a cause that was not added is more probable, the report
-names it as a reason to doubt the verdict."""
+"""Largest probability at which a cause that was not added is ignored. A more probable cause is named as a reason to
+doubt the verdict. The value is the probability of error that a certain answer may have (see `CONFIDENCE`)."""
 WRITE_AN_EFFECT = (
     "look at the remaining residual, write an effect that could cause it (rover-pin new-effect), and close the loop "
     "again with --effects"

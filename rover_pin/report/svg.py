@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from rover_pin.base.encode import html_text, missing_glyphs_allowed
 
 DPI = 130
-"""Resolution of a PNG file [dots per inch]."""
+"""Resolution of a PNG file [dots per inch]. It is higher than the 96 dots of a page, so that the file remains sharp if
+it is enlarged in slides."""
 BEFORE, AFTER, GREY = "#b3541e", "#1f6f8b", "#8a8a8a"
 """Colours of the base model, of the model with added effects, and of everything else. Colour-blind readers can
 distinguish the first two colours."""

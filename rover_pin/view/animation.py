@@ -25,10 +25,11 @@ from rover_pin.view.colours import draw_heights, slip_colour
 from rover_pin.view.film import Film
 
 PICTURES_PER_SECOND, MAX_PICTURES = 10, 100
-"""Number of pictures per second of an animation, and largest number of pictures in it. A longer drive is played faster
-than in reality, as the title states."""
+"""Number of pictures per second of an animation, and maximum number of pictures in it. A drive that would need more
+pictures is played faster than in reality, and the title states how much faster; the limit keeps the file small."""
 COLOURS = 64
-"""Number of colours of a GIF. All pictures share one palette of these colours, which keeps the file small."""
+"""Number of colours of a GIF. All pictures share one palette of these colours. A GIF may have 256 colours; fewer
+colours keep the file small."""
 GHOST = "#0072b2"
 """Colour of the outlines of the ghost, the second drive."""
 

@@ -15,9 +15,10 @@ STOPS: tuple[tuple[float, tuple[float, float, float]], ...] = (
     (0.5, (0.95, 0.62, 0.18)),
     (1.0, (0.55, 0.05, 0.10)),
 )
-"""Pairs of a slip and its colour (red, green, blue in 0..1); colours of slips between two pairs are interpolated."""
+"""Pairs of a slip and its colour (red, green, blue in 0..1); colours of slips between two pairs are interpolated. The
+lightness falls from slip 0 to both ends, so that the colours can also be read in black and white."""
 UNKNOWN = (0.45, 0.47, 0.50)
-"""Colour of a wheel whose slip is not known: grey."""
+"""Colour of a wheel whose slip is not known: grey, which is not a colour of any slip."""
 COLOURS_PER_SLIP = 20
 """Number of different colours for one unit of slip. Slip is rounded to these colours, because the page stores the
 colour of a wheel only when it changes."""

@@ -15,10 +15,11 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.terrain import Extent, Terrain
 
 FRAMES_PER_SECOND, MAX_FRAMES = 20.0, 600
-"""Number of frames of a film per second of the drive, and largest number of frames. A longer drive has fewer frames per
-second."""
+"""Number of frames of a film per second of the drive, and maximum number of frames. A drive of more than 30 s has fewer
+frames per second, because each frame makes the page larger."""
 AROUND = 0.4
-"""Width of the strip of terrain that views show on each side of the paths of the wheels [m]."""
+"""Width of the strip of terrain that views show on each side of the paths of the wheels [m]. It is about the length of
+a rover, so that the rover is never at the edge of the terrain."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,11 +7,11 @@ import numpy as np
 from rover_pin.terrain.terrain import Extent, HeightGrid, Lanes, Profile, Terrain
 
 MAX_POINTS = 400
-"""Largest number of points of a height grid that are drawn along one axis. If the grid has more, some of its points are
-skipped."""
+"""Approximate maximum number of points along each axis of the drawn terrain. A height grid with more points is drawn
+with every second, third, ... point, because a page with more triangles would be slow."""
 RULED = 0.1
-"""Distance along x [m] between the lines that are drawn across the terrain to show its shape and the rover's
-progress."""
+"""Distance along x [m] between the lines that are drawn across the terrain. The lines show its shape and the rover's
+progress. The distance is one to two wheel radii of a small rover."""
 
 
 class Patch(NamedTuple):

@@ -18,7 +18,7 @@ from rover_pin.rover.rover import Rover, WheelMount
 log = logging.getLogger(__name__)
 
 PLAIN = (0.62, 0.64, 0.67)
-"""Colour of a shape without a colour in the URDF."""
+"""Colour of a shape without a colour in the URDF: grey, as bare metal."""
 ROD = 0.006
 """Largest radius [m] of the rods that are drawn for links without shapes. The radius of a short rod is a tenth of its
 length."""

@@ -24,7 +24,8 @@ WORLD = "/world"
 """Path of the scene's root node. This node moves opposite to the rover, so that the rover stays at the origin, where
 the camera looks."""
 PIECES = 60
-"""Number of pieces into which the track of each wheel is divided. A piece appears when the wheel has passed its end."""
+"""Number of pieces into which the track of each wheel is divided. A piece appears when the wheel has passed its end.
+More pieces would let the track grow more smoothly, but each piece makes the page larger."""
 
 
 class Ghost(NamedTuple):

@@ -33,12 +33,15 @@ typedef struct {{
 }} RoverControl;"""
 """C declarations of the structs that the user's program and the control use to exchange readings and commands."""
 CORRELATION = 0.9
-"""Correlation of successive readings in the test vectors, which are random and change slowly."""
+"""Correlation of successive readings in the test vectors. The readings are random but change slowly, as measurements
+do."""
 SAMPLES_BETWEEN_RESETS = 100
-"""Number of samples in the test vectors after which the control is reset."""
+"""Number of samples in the test vectors after which the control is reset, so that the C code of the reset is also
+compared."""
 COMMAND_SD = np.array([0.4, 0.5, 0.1])
 """Standard deviations of forward speed, yaw rate times 1 m, and sideways speed in the random commands of the test
-vectors, divided by the rim speed at full duty."""
+vectors, divided by the rim speed at full duty. Some commands then exceed the rim speed, so that the limit of the duty
+is also compared."""
 NO_TRUTH = Truth(*(np.zeros(0) for _ in Truth._fields))
 """Empty values for the part of a reading that only a simulation has (true slips and speeds); this control does not use
 them."""

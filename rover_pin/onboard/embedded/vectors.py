@@ -24,7 +24,8 @@ SAMPLES_BETWEEN_RESETS = 100
 compared."""
 READINGS = {"rate": (5.0, 4.0), "current": (0.6, 0.4), "link": (0.0, 0.15), "tilt": (0.0, 0.15), "slip": (0.3, 0.4),
            "travel": (0.05, 0.03), "duty": (0.5, 0.4)}  # fmt: skip
-"""Mean and standard deviation of the random readings in SI units, by the group of readings."""
+"""Mean and standard deviation of the random readings in SI units, by the group of readings. The values are typical of a
+small rover."""
 
 
 class _GivenSpeed(NamedTuple):

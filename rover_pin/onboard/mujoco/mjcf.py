@@ -21,8 +21,9 @@ from rover_pin.simulation.start import Start, settled_state
 from rover_pin.simulation.state import DriveState
 
 GROUND_HALF_WIDTH, GROUND_CELLS = 5.0, 200
-"""Half of the width of the ground that MuJoCo draws (GROUND_HALF_WIDTH) [m], and number of cells along each side of the
-ground (GROUND_CELLS)."""
+"""MuJoCo draws a square of ground around the start, of the half width GROUND_HALF_WIDTH [m], with GROUND_CELLS cells
+along each side. A cell is then 5 cm wide, so that waves and steps can be seen. The soil's forces use the exact terrain
+and do not depend on this drawing."""
 
 TIMESTEP = 0.005
 """Default time step of MuJoCo [s], half of the usual step of a drive, because MuJoCo's integrator is of first order."""

@@ -142,10 +142,11 @@ def where_wrong_section(sides: Sides | None) -> Section | None:
 
 
 DRIVE_DURATION, MEAN_DURATION = 8.0, 2.0
-"""Duration of a simulated drive that shows the influence of an effect, and of the last part of this drive, over which
-means are taken [s]."""
+"""DRIVE_DURATION is the duration of a simulated drive that shows the influence of an effect [s]. The report states
+means over the last MEAN_DURATION [s] of this drive only, because slip and sinkage change during the first seconds."""
 MIN_RELATIVE_CHANGE = 0.005
-"""Smallest change of a mean that the report mentions, as a fraction of the mean."""
+"""Smallest change of a mean that the report mentions, as a fraction of the mean. Values are printed with two digits, so
+that smaller changes would usually appear as two equal numbers."""
 ROVER_MEANS = {"body_vx": ("speed", "m/s"), "battery_V": ("bus voltage", "V")}
 WHEEL_MEANS = {"slip": ("slip", ""), "sinkage": ("sinkage", "m"), "current": ("current per motor", "A")}
 """Channels whose means the report compares without and with an effect, with their words and units: ROVER_MEANS for the

@@ -21,7 +21,8 @@ from rover_pin.report.page import AWAY, Picture, Row, Section, Table
 from rover_pin.report.svg import AFTER
 
 MAX_RESIDUAL_CHANNELS = 12
-"""Maximum number of channels in the table of residuals. Only the channels with the largest residuals are listed."""
+"""Maximum number of channels in the table of residuals. A rover with six wheels has about 20 channels; the table lists
+only those with the largest residuals, so that it remains short."""
 
 
 def residual_section(verdict: Verdict) -> Section | None:

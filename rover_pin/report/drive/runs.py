@@ -23,8 +23,9 @@ from rover_pin.report.svg import AFTER, BEFORE, GREY, NOISE
 from rover_pin.simulation.trace.channels import wheel_of
 
 MAX_CHANNELS, MAX_OF_A_KIND, MAX_RUNS = 5, 2, 2
-"""Maximum numbers in a figure: of channels (MAX_CHANNELS), of channels of one kind such as wheel rates (MAX_OF_A_KIND),
-and of runs (MAX_RUNS)."""
+"""The figure of residuals shows at most MAX_CHANNELS channels, at most MAX_OF_A_KIND of them of one kind (such as wheel
+rates), and at most MAX_RUNS runs. The limits keep the panels large enough to read and show different kinds of
+channels."""
 LOOKS = ((BEFORE, "--", "base model"), (AFTER, "-", "with added effects"))
 """Colour, line style and label for the base model (first entry) and for the model with added effects (second entry)."""
 WORDS = {
@@ -148,8 +149,9 @@ def residual_panels(sides: Sides) -> tuple[Figure, ...]:
 
 
 MAX_PARTS, MIN_PART_SIZE = 12, 4
-"""Maximum number of groups into which the half-second means are divided along a signal, and minimum number of
-half-second means in a group. The residuals are averaged in each group."""
+"""The half-second means are divided into at most MAX_PARTS groups along a signal, and each group has at least
+MIN_PART_SIZE of them. The residuals are averaged in each group. With fewer than four values, the scatter in a group,
+and so the error bar of its mean, would be too uncertain."""
 SIGNALS = {"duty": "mean duty [-]", "slip": "mean slip [-]", "pitch": "pitch [deg]", "place": "x [m]",
            "time": "time in the run [s]"}  # fmt: skip
 """Name of a signal along which residuals are averaged -> label of its axis."""

@@ -18,11 +18,12 @@ from rover_pin.report.svg import AFTER, BEFORE, GREY
 from rover_pin.report.words import key
 
 PANEL_SIZE = (5.2, 3.0)
-"""Width and height of a panel [inch]."""
+"""Width and height of a panel [inch]. Two panels fit next to each other on the page."""
 CURVE_POINTS = 80
-"""Number of points of a predicted curve."""
+"""Number of points of a predicted curve. With 80 points, the straight lines between the points look like a curve."""
 SAME_SLIP = 0.02
-"""Runs whose slips differ by less than this count as runs at one slip [-]."""
+"""Two runs whose slips differ by less than this value count as runs at one slip [-]. The value equals `SAME_LEVEL`, by
+which a data set without named levels is divided into slip levels."""
 
 
 class Look(NamedTuple):

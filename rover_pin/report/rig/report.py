@@ -196,7 +196,8 @@ def set_by_set_section(verdict: Verdict) -> Section | None:
 
 
 MIN_SLIP = 0.005
-"""Smallest absolute slip that is not written as 0 [-]. A smaller slip is below half of the last digit that is shown."""
+"""Smallest absolute slip that is not written as 0 [-]. Slips are shown with two digits, so that a smaller slip is less
+than half of the last digit of a slip such as 0.10."""
 
 
 def meanings(data: RigSet) -> dict[str, str]:

@@ -24,13 +24,15 @@ from rover_pin.report.svg import AFTER, GREY
 from rover_pin.report.words import Labels, capital, full, human, kinds_of, listing, model_with, two_digits
 
 MAX_CAUSES = 20
-"""Maximum number of causes, and of combinations of causes, that the tables list. The most probable ones are listed."""
+"""Maximum number of rows in the table of causes, and in the table of combinations of causes. The tables list the most
+probable ones; all others have small probabilities, and would make the page long."""
 ESTIMATED = "estimated, not fitted"
 """Remark on a combination of causes without a fit: its probability and the sizes of its causes come from a linear
 estimate."""
 MAX_SD_RATIO = 0.9
-"""Largest ratio of the SD of a cause's size after the fit to its SD before the fit (its prior SD). Above this ratio,
-the data contain no information on the size, and no detectable size is stated."""
+"""Largest ratio of the SD of a cause's size after the fit to its SD before the fit (its prior SD). Above this ratio, no
+detectable size is stated, because it would follow from the prior and not from the data: at the ratio 0.9, the prior
+still contributes 81 % of the information on the size (the variance decreases from 1 to 0.81)."""
 NO_INFORMATION = "the data contain no information on its size"
 NO_FIT = "no fit with it converged, however small it was"
 

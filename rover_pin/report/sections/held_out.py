@@ -19,8 +19,8 @@ from rover_pin.report.svg import AFTER, BEFORE, GREY
 from rover_pin.report.words import Labels
 
 MIN_LOG_RANGE = 10.0
-"""Ratio of the ends of a logarithmic axis, below which its ticks are evenly spaced round numbers. Above this value,
-they are at 1, 2 and 5 of each decade, which are then at least three."""
+"""Smallest ratio of the ends of a logarithmic axis with ticks at 1, 2 and 5 of each decade. A longer axis has at least
+three such ticks. A shorter axis could have only one or two of them, so that it gets evenly spaced round numbers."""
 
 
 def held_out_section(verdict: Verdict, labels: Labels) -> Section | None:

@@ -68,7 +68,8 @@ def _numbers(effect: Any, owner: str, side: Side) -> Table:
 
 
 MIN_INFLUENCE = 1.0
-"""Smallest influence of an effect on a channel that the report describes, as a multiple of the channel's noise."""
+"""Smallest influence of an effect on a channel that the report describes, as a multiple of the SD of the channel's
+noise. A smaller influence cannot be seen in a single measured value."""
 
 
 class Influence(NamedTuple):
