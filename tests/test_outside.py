@@ -27,8 +27,8 @@ from rover_pin.rover.urdf_check import check_urdf
 from rover_pin.simulation.model.toml_file import read_model, write_model
 from rover_pin.simulation.trace.files import write_parquet
 from rover_pin.terrain import files
-from rover_pin.view.shapes import shapes_of
-from rover_pin.view.subject import mesh_folder
+from rover_pin.view.film import mesh_folder
+from rover_pin.view.triangles import shapes_of
 
 RIG = Path(__file__).parents[1] / "studies" / "data" / "cmu-smooth-wheel"
 SECRET = "root:x:0:0:secret"

@@ -285,7 +285,7 @@ OF_ITS_OWN = {
     "simulation/model/effect_files.py": "self.get_data",  # code that the user has named
     # bytes or text in memory, read through the bounds
     "rover/description/cross_check.py": "yourdfpy.URDF.load",
-    "view/shapes.py": "yourdfpy.URDF.load",
+    "view/triangles.py": "yourdfpy.URDF.load",
     "base/files/parquet.py": "pyarrow.parquet.ParquetFile",
     "terrain/raster.py": "Image.open memory.open",
     # what the package has written or made itself, or what comes with it

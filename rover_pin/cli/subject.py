@@ -10,7 +10,7 @@ from rover_pin.logs.drive_log import FILE, load_trace, read_drive_log
 from rover_pin.scenarios.drive_file import is_drive_file
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.scenarios.scenes import SCENES
-from rover_pin.view.subject import Subject, mesh_folder, subject_of_log
+from rover_pin.view.film import Subject, mesh_folder, subject_of_log
 
 
 def read_subject(path: Path, run: str = "", trust: Trust = Trust()) -> Subject:

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from rover_pin.plot.history import history
 from rover_pin.plot.sheet import new_figure, save, sheet, write_csv
-from rover_pin.plot.side import draw_rover, ground_line
-from rover_pin.plot.snapshots import snapshots, title_of
+from rover_pin.plot.snapshots import draw_rover, ground_line, snapshots, title_of
 from rover_pin.plot.traction import traction_figure
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.trace.draw import COLOURS

@@ -4,7 +4,7 @@ Channels that stay constant are stated in the title.
 """
 
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -75,7 +75,13 @@ def history(trace: Trace) -> Figure:
         if any(np.nanmax(series) - np.nanmin(series) > MIN_CHANGE for series in values.values()):
             drawn[signal.label] = lambda axes, signal=signal: wheel_lines(axes, trace, signal.channel, signal.scale)  # type: ignore[misc]
         elif values:
-            constant.append(_in_words(signal, values))
+            # A phrase such as "duty 0.55 (fr, rr), 0.4 (fl, rl)": wheels with the same value are named together.
+            groups = [(float(np.nanmean(values[group[0]])), group) for group in group_overlapping_lines(values)]
+            unit = f" {signal.unit}" if signal.unit else ""
+            phrases = [
+                f"{value:.3g}{unit}" + (f" ({', '.join(group)})" if len(groups) > 1 else "") for value, group in groups
+            ]
+            constant.append(f"{signal.name} {', '.join(phrases)}")
     if {"body_vx", "body_vy"} <= trace.channels.keys():
         # The velocity in the world's axes is turned by the yaw into the rover's axes. The speed to the left is drawn
         # only if it is larger than MIN_SIDE_SPEED.
@@ -117,15 +123,3 @@ def history(trace: Trace) -> Figure:
     axes[0, 0].set_title(figure_text(in_lines([*title_of(trace), *constant])), fontsize=8)
     axes[-1, 0].set_xlabel("t [s]")
     return figure
-
-
-def _in_words(signal: WheelChannel, values: Mapping[str, np.ndarray]) -> str:
-    """Return a phrase with the value of a channel that stays constant: "duty 0.55".
-
-    If the wheels have different values, the phrase lists the wheels of each value: "duty 0.55 (fr, rr), 0.4 (fl, rl)".
-    """
-    # Wheels with the same value are named together.
-    groups = [(float(np.nanmean(values[group[0]])), group) for group in group_overlapping_lines(values)]
-    unit = f" {signal.unit}" if signal.unit else ""
-    phrases = [f"{value:.3g}{unit}" + (f" ({', '.join(group)})" if len(groups) > 1 else "") for value, group in groups]
-    return f"{signal.name} {', '.join(phrases)}"

@@ -19,7 +19,8 @@ from rover_pin.report.words import Labels, brief, kinds_of, listing, two_digits,
 BASE_MODEL = "nothing (base model)"
 """Name of the table row of the base model, to which no cause was added."""
 MAX_SHOWN_CHANNELS = 2
-"""Maximum number of channels whose held-out errors the first screen shows for each set of causes."""
+"""Maximum number of channels whose held-out errors the first screen shows for each set of causes. With more channels, a
+row of the table would not fit on one line of the page."""
 
 
 class CauseSet(NamedTuple):
@@ -152,16 +153,6 @@ def worst(scores: Sequence[ChannelScore]) -> list[ChannelScore]:
     return sorted(scores, key=lambda score: (not score.worded.lost, -score.times(score.before)))
 
 
-def shown_channels(verdict: Verdict) -> list[ChannelScore]:
-    """Return the channels whose held-out errors the first screen shows, at most MAX_SHOWN_CHANNELS.
-
-    These are the channels that the added causes improve most. If nothing is improved, they are the channels with the
-    largest errors, relative to their noise.
-    """
-    better = by_outcome(verdict.scores, Outcome.BETTER) if verdict.named else []
-    return (better or worst(verdict.scores))[:MAX_SHOWN_CHANNELS]
-
-
 def cause_table(verdict: Verdict, labels: Labels) -> Table | None:
     """Return the table of the first screen: the possible causes with size, probability and held-out error, and the base
     model in the last row. The result is None if no model was fitted.
@@ -175,7 +166,10 @@ def cause_table(verdict: Verdict, labels: Labels) -> Table | None:
         before = {score.name: score.before for score in verdict.scores}
         rows.append(CauseSet((), nothing, (), before))
     rows.sort(key=lambda row: not row.names)
-    channels = shown_channels(verdict)
+    # The held-out errors are those of the channels that the added causes improve most. If nothing is improved, they are
+    # the errors of the channels with the largest errors, relative to their noise.
+    better = by_outcome(verdict.scores, Outcome.BETTER) if verdict.named else []
+    channels = (better or worst(verdict.scores))[:MAX_SHOWN_CHANNELS]
     cells = []
     for row in rows:
         # The row of the base model has no causes; it shows the numbers of the base model that the data contradict.

@@ -108,23 +108,17 @@ def write_page(head: Head, sections: Sections, out: Path) -> list[Path]:
             ]
             inline[name] = {"panels": panels, "caption": picture.caption}
         rendered_sections.insert(0, (section, render(section.template, {**section.content, "pictures": inline})))
-        files[:0] = [
-            replace_file(out / file, image)
-            for name, picture in section.pictures.items()
-            for file, image in _files(name, picture)
-        ]
+        # The PNG file of a picture is NAME.png; several panels have the files NAME-1.png, NAME-2.png and so on.
+        pngs = []
+        for name, picture in section.pictures.items():
+            for number, panel in enumerate(picture.panels, 1):
+                file = f"{name}-{number}.png" if len(picture.panels) > 1 else f"{name}.png"
+                pngs.append(replace_file(out / file, png(panel)))
+        files = pngs + files
     return [
         replace_file(out / "report.html", render("page.html", {"head": head, "sections": rendered_sections})),
         *files,
     ]
-
-
-def _files(name: str, picture: Picture) -> list[tuple[str, bytes]]:
-    """Return the names and bytes of the PNG files of a picture: NAME.png, or NAME-1.png and so on for several
-    panels.
-    """
-    many = len(picture.panels) > 1
-    return [(f"{name}-{at}.png" if many else f"{name}.png", png(panel)) for at, panel in enumerate(picture.panels, 1)]
 
 
 def mark_code(text: str) -> Markup:

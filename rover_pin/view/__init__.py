@@ -1,7 +1,6 @@
 """Views of a drive: a 3D page for a browser, which needs no network, and an animation.
 
-`subject` holds the drive that is shown, and `film` its poses, forces and tracks frame by frame. `ground` and `shapes`
-hold the triangles of the terrain and of the rover. `stage` builds a viser scene from them, `page` writes the scene as
-an HTML page with the plots and events of `panel`, and `animation` draws GIF and MP4. `export` writes tables and
-recordings for other programs.
+`film` holds the drive that is shown, with its poses, forces and tracks frame by frame. `triangles` holds the triangles
+of the terrain and of the rover. `stage` builds a viser scene from them, `page` writes the scene as an HTML page with
+plots and events, and `animation` draws GIF and MP4. `export` writes tables and recordings for other programs.
 """

@@ -12,10 +12,8 @@ import numpy as np
 from rover_pin.base.files.table import columns_text
 from rover_pin.base.files.whole_file import replace_file
 from rover_pin.logs.drive_log import save_trace
-from rover_pin.view.film import Film
-from rover_pin.view.ground import patches
-from rover_pin.view.shapes import shapes_of
-from rover_pin.view.subject import Subject
+from rover_pin.view.film import Film, Subject
+from rover_pin.view.triangles import patches, shapes_of
 
 NANO = 1e9
 """Nanoseconds in a second."""

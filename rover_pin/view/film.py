@@ -1,14 +1,20 @@
-"""A drive frame by frame, like a film: the pose of every link, and slip, forces and tracks of the wheels."""
+"""The drive that a view shows: a trace with its rover and terrain (`Subject`), and the drive frame by frame (`Film`).
+
+A film has the pose of every link, and slip, forces and tracks of the wheels.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from rover_pin.base.errors import DataError
+from rover_pin.logs.drive_log import DriveLog
+from rover_pin.rover.description.layout import rover_folder, urdf_folder
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.trace.poses import configuration, on_the_ground, place_links, wheel_angles
 from rover_pin.simulation.trace.trace import Trace
@@ -181,3 +187,39 @@ class Film:
         frame.
         """
         return int(np.clip(np.searchsorted(self.t, t + 1e-9, side="right") - 1, 0, self.t.size - 1))
+
+
+@dataclass(frozen=True)
+class Subject:
+    """The drive that a view shows: a trace, its rover, its terrain, and the folder of the rover's meshes (None: no
+    meshes are drawn).
+    """
+
+    name: str
+    trace: Trace
+    rover: Rover
+    terrain: Terrain
+    meshes: Path | None
+
+
+def subject_of_log(log: DriveLog, run: str = "") -> Subject:
+    """Return one run of a drive log, with its rover and terrain, as the subject of a view. `run` is the name of the
+    run; if it is empty, the first run is taken.
+    """
+    trace = log.run(run) if run else log.runs[0]
+    name = Path(str(trace.attrs.get("file", log.metadata.name))).stem
+    return Subject(
+        log.metadata.name if len(log.runs) == 1 else f"{log.metadata.name}, {name}",
+        trace,
+        log.load_rover(),
+        log.terrain(),
+        mesh_folder(log.rover),
+    )
+
+
+def mesh_folder(rover: str) -> Path | None:
+    """Return the base folder of the relative paths of meshes in a rover's URDF. `rover` is the name of a rover of the
+    package, or the path of a rover's TOML.
+    """
+    path = Path(rover)
+    return urdf_folder(path) if path.suffix else rover_folder()

@@ -9,8 +9,7 @@ import numpy as np
 
 from rover_pin.view.colours import in_bytes, slip_colour
 from rover_pin.view.film import Film
-from rover_pin.view.ground import patches, ruled_lines
-from rover_pin.view.shapes import Shape
+from rover_pin.view.triangles import Shape, patches, ruled_lines
 
 SOILS = ((201, 176, 130), (128, 124, 122), (176, 140, 110), (150, 160, 140))
 """Colours of the soils by soil index: sand, hard ground, and two more. All further soils have the last colour."""

@@ -14,7 +14,7 @@ from rover_pin.experiments.drive_log.free_runs import DriveExtra, cautions, extr
 from rover_pin.inference.cause import SIZE_SD
 from rover_pin.report.drive import report as drive_report
 from rover_pin.report.drive.report import at_full_duty, free_runs_section, labels_of, sides_of, write_report
-from rover_pin.report.drive.runs import Sides, channel_to_show, effect_picture
+from rover_pin.report.drive.residuals import Sides, channel_to_show, effect_picture
 from rover_pin.report.sections.causes import sensitivities, sensitivity_section
 from rover_pin.report.sections.held_out import held_out_section
 from rover_pin.report.sections.numbers import most_correlated, number_table

@@ -12,8 +12,7 @@ from rover_pin.experiments.unlisted.residual import DriveResidual, channel_resid
 from rover_pin.experiments.wheel_rig.describe import draft_effect
 from rover_pin.experiments.wheel_rig.loop_data import RigData
 from rover_pin.loop.close import verdict_on
-from rover_pin.report.drive.residual import channel_table
-from rover_pin.report.drive.runs import Sides, residual_panels, worst_runs
+from rover_pin.report.drive.residuals import Sides, channel_table, residual_panels, worst_runs
 from rover_pin.report.rig.figures import residual_panels as rig_residual_panels
 from rover_pin.report.rig.report import test_table as table_of_tests
 from tests.experiments.drafts import SameLaw, effect_in

@@ -14,10 +14,8 @@ import pytest
 
 from rover_pin.logs.drive_log import load_trace
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.view.film import Film
-from rover_pin.view.page import write_page
-from rover_pin.view.panel import events_of, plot_data
-from rover_pin.view.subject import Subject
+from rover_pin.view.film import Film, Subject
+from rover_pin.view.page import events_of, plot_data, write_page
 
 
 @pytest.fixture

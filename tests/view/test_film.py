@@ -16,7 +16,7 @@ from rover_pin.simulation.trace.poses import PathExtent, on_the_ground
 from rover_pin.view.animation import _figure, _slip, write_animation
 from rover_pin.view.colours import slip_colour
 from rover_pin.view.film import Film
-from rover_pin.view.shapes import shapes_of
+from rover_pin.view.triangles import shapes_of
 
 
 @pytest.fixture(scope="module", params=["nexus6", "cart", "nexus6_links"])

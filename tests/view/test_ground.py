@@ -5,7 +5,7 @@ import pytest
 
 from rover_pin.terrain import shapes
 from rover_pin.terrain.terrain import Extent
-from rover_pin.view.ground import patches, ruled_lines
+from rover_pin.view.triangles import patches, ruled_lines
 
 BOX = Extent(-0.35, 1.65, -0.45, 0.55)
 GROUNDS = {

@@ -19,7 +19,7 @@ from rover_pin.cli.terminal import report, stoppable
 if TYPE_CHECKING:
     from rover_pin.scenarios.scenario import Scenario
     from rover_pin.simulation.trace.trace import Trace
-    from rover_pin.view.subject import Subject
+    from rover_pin.view.film import Subject
 
 PAGE, GIF, MP4 = SEEN = ("view.html", "drive.gif", "drive.mp4")
 
@@ -90,7 +90,7 @@ def write_requested(chosen: "Scenario", trace: "Trace", wanted: list[str], out: 
     """
     if not wanted or len(trace.t) < 2:
         return []
-    from rover_pin.view.subject import Subject, mesh_folder
+    from rover_pin.view.film import Subject, mesh_folder
 
     meshes = mesh_folder(str(chosen.settings.get("rover", "nexus6")))
     subject = Subject(chosen.name, trace, chosen.model.rover, chosen.model.ground, meshes)

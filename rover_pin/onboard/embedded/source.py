@@ -1,7 +1,7 @@
 """A slip control as C: its header and source, generated from the CasADi expressions that the simulation evaluates too.
 
-`estimates.py` writes the parts that differ from control to control, `monitor.py` writes the monitor, `vectors.py` the
-test vectors, and `folder.py` the folder with all files.
+`parts.py` writes the parts that differ from control to control, `vectors.py` the test vectors, and `folder.py` the
+folder with all files.
 """
 
 import re
@@ -21,14 +21,15 @@ from rover_pin.control.sensing.stop import StopStuck
 from rover_pin.control.slip_control import SlipControl
 from rover_pin.control.slip_estimate import TableEstimate
 from rover_pin.control.torque_check import TorqueLimit
-from rover_pin.onboard.embedded.estimates import (
+from rover_pin.onboard.embedded.parts import (
     belief_struct,
     estimate_code,
     limit_code,
+    monitor_header,
+    monitor_text,
     stop_code,
     with_static_functions,
 )
-from rover_pin.onboard.embedded.monitor import monitor_header, monitor_text
 from rover_pin.onboard.monitor import source as monitor_source
 from rover_pin.onboard.monitor.monitor import Monitor
 from rover_pin.rover.rover import Rover

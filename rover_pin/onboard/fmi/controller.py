@@ -2,11 +2,9 @@
 
 import math
 
-from rover_pin.onboard.embedded.estimates import TABLES
 from rover_pin.onboard.embedded.folder import control_export
-from rover_pin.onboard.embedded.monitor import NUMBERED_CAUSES
-from rover_pin.onboard.embedded.monitor import TABLES as MONITOR_TABLES
 from rover_pin.onboard.embedded.motion import EmbeddedMotion
+from rover_pin.onboard.embedded.parts import BELIEF_TABLES, MONITOR_TABLES, NUMBERED_CAUSES
 from rover_pin.onboard.fmi.unit import MAIN, FunctionalUnit, Variable
 from rover_pin.onboard.monitor.monitor import CAUSES
 from rover_pin.onboard.monitor.source import HORIZON
@@ -135,7 +133,7 @@ def unit_of(control: Controller, model: Model) -> FunctionalUnit:
         # `stopped` is not counted, because it is an integer in C and is copied on its own.
         inputs_count, answers_count = (sum(len(variable.start) for variable in group) for group in (inputs, answers))
         counts = (inputs_count, answers_count - 1)
-        bound = [("control.belief", "fresh.belief", name) for name in TABLES if export.on_board]
+        bound = [("control.belief", "fresh.belief", name) for name in BELIEF_TABLES if export.on_board]
         bound += [("monitor", "fresh_monitor", name) for name in MONITOR_TABLES if export.monitor]
         tables = "".join(f"  u->{part}.{name} = {fresh}.{name};\n" for part, fresh, name in bound)
         stopped = f"  answer[{counts[1]}] = out.stopped;\n"

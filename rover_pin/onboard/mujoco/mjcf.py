@@ -173,7 +173,11 @@ def _add_body(parent: ET.Element, model: Model, state: DriveState, joint: int, p
     else:
         # A joint without limits has the coordinates cos and sin in Pinocchio, and its angle in MuJoCo.
         places.append(float(q[0]) if len(q) == 1 else float(np.arctan2(q[1], q[0])))
-        axis = _axis(pin_model, joint)
+        # The column of the joint's Jacobian is its axis, a unit vector in the axes of the body that the joint moves.
+        data = pin_model.createData()
+        pin.computeJointJacobians(pin_model, data, pin.neutral(pin_model))
+        column = pin_model.joints[joint].idx_v
+        axis = np.array(pin.getJointJacobian(pin_model, data, joint, pin.LOCAL)[3:, column])
         hinge = ET.SubElement(body, "joint", name=name, type="hinge", axis=_text(axis))
         mount = next((wheel for wheel in model.built.wheels if wheel.joint == joint), None)
         if mount is not None:
@@ -193,13 +197,6 @@ def _add_body(parent: ET.Element, model: Model, state: DriveState, joint: int, p
                 _draw_geom(body, type="capsule", size="0.01", fromto=_text([0.0, 0.0, 0.0, *end]))
     for child in pin_model.children[joint]:
         _add_body(body, model, state, child, places)
-
-
-def _axis(pin_model: pin.Model, joint: int) -> np.ndarray:
-    """Return the axis of a joint as a unit vector (3,) in the axes of the body that the joint moves."""
-    data = pin_model.createData()
-    pin.computeJointJacobians(pin_model, data, pin.neutral(pin_model))
-    return np.array(pin.getJointJacobian(pin_model, data, joint, pin.LOCAL)[3:, pin_model.joints[joint].idx_v])
 
 
 def _draw_geom(body: ET.Element, **attributes: str) -> None:

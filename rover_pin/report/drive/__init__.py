@@ -1,4 +1,4 @@
-"""The report of a drive log. `report` writes the page, and `runs` and `residual` make its figures and tables.
+"""The report of a drive log. `report` writes the page, and `residuals` makes the figures and tables of residuals.
 
 Start at `report.write_report`.
 """

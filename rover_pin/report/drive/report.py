@@ -25,8 +25,14 @@ from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.free_runs import distances_of, extra_of
 from rover_pin.experiments.drive_log.model import with_wheels
 from rover_pin.logs.drive_log import DriveLog
-from rover_pin.report.drive.residual import residual_section
-from rover_pin.report.drive.runs import Sides, effect_picture, residual_panels, telling_channels, words_of
+from rover_pin.report.drive.residuals import (
+    Sides,
+    effect_picture,
+    residual_panels,
+    residual_section,
+    telling_channels,
+    words_of,
+)
 from rover_pin.report.page import AWAY, Picture, Row, Section, Table, before_and_after
 from rover_pin.report.verdict_page import VerdictPage, write_verdict
 from rover_pin.report.words import Labels, listing, pair
@@ -34,8 +40,8 @@ from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.shapes import flat
+from rover_pin.view.film import Subject, mesh_folder
 from rover_pin.view.page import page_of
-from rover_pin.view.subject import Subject, mesh_folder
 
 
 def labels_of(verdict: Verdict) -> Labels:

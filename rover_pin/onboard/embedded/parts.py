@@ -1,7 +1,8 @@
-"""C code of the parts of an exported slip control that differ from control to control: slip estimate, torque limit, and
-stop of a stuck rover.
+"""C code of the parts of an exported slip control that differ from control to control: slip estimate, torque limit,
+stop of a stuck rover, and monitor.
 
-`controller.c` calls these parts as the functions `begin`, `estimate`, `highest` and `stop`.
+`controller.c` calls the first three parts as the functions `begin`, `estimate`, `highest` and `stop`. The monitor reads
+the particles of the slip estimate after each step of the control.
 """
 
 import re
@@ -17,9 +18,11 @@ from rover_pin.control.sensing.stop import StopStuck
 from rover_pin.control.slip_control import SlipControl
 from rover_pin.control.slip_estimate import TableEstimate, TrueSlip
 from rover_pin.control.torque_check import CUSTOM_LIMIT, NoLimit, TorqueLimit, native_limit
+from rover_pin.onboard.monitor import source as monitor_source
+from rover_pin.onboard.monitor.monitor import CANNOT_TELL, CAUSES, Monitor
 from rover_pin.simulation.native.shared import c_table
 
-TABLES = {"radius": "RADIUS", "factors": "FACTORS"}
+BELIEF_TABLES = {"radius": "RADIUS", "factors": "FACTORS"}
 """Names of the constant C tables behind pointers in the C struct Belief, by the field of the struct."""
 
 
@@ -66,9 +69,9 @@ def _onboard_estimate(estimate: OnboardSlip, radius: float) -> str:
     belief = estimate.belief.numbers
     # `begin` sets the constants of the filter and the pointers to its tables, `estimate` gives it one sample.
     settings = {"n": wheels, "N": PARTICLES, "n_posture": 2 + links, "lag": int(estimate.belief.struct.lag)}
-    settings |= {name: value for name, value in belief.items() if name not in TABLES}
+    settings |= {name: value for name, value in belief.items() if name not in BELIEF_TABLES}
     lines = [f"  b->{name} = {value!r};" for name, value in settings.items()]
-    lines += [f"  b->{name} = {table};" for name, table in TABLES.items()]
+    lines += [f"  b->{name} = {table};" for name, table in BELIEF_TABLES.items()]
     return f"""{c_table("real", "RADIUS", belief["radius"])}
 {c_table("real", "FACTORS", belief["factors"])}
 
@@ -218,3 +221,69 @@ def estimate_code(control: SlipControl) -> str:
         f"A slip estimate of the class {type(estimate).__name__} cannot be exported, because it is written in Python. "
         "Choose control = true, and let your program give the slips with each reading."
     )
+
+
+MONITOR_TABLES = {"radius": "RADIUS", "pulls": "PULLS", "pull_slopes": "PULL_SLOPES"}
+"""Names of the constant C tables behind pointers in the C struct Monitor, by the field of the struct."""
+MONITOR_SETTINGS = ("n", "period", "no_load_rate", "stall_current", "sinkage", "buried")
+"""Fields of the C struct Monitor that are constants of the rover."""
+NUMBERED_CAUSES = ", ".join(f"{at} {name}" for at, name in enumerate((*CAUSES, CANNOT_TELL)))
+"""A text with the number of each cause in the C code, followed by its name."""
+FORECAST = f"""typedef struct {{ /* forecast for the next seconds under the present duties */
+  rover_real p_stuck; /* probability that the rover then does not move although its rims turn */
+  rover_real p_buried; /* probability that a wheel is then buried */
+  int alarm; /* 1 from when the smoothed p_stuck reaches the level of the alarm until it falls to half of this level */
+  int cause; /* {NUMBERED_CAUSES}; -1 none */
+  rover_real causes[{len(CAUSES)}]; /* probability of each cause, in this order */
+}} RoverForecast;"""
+"""C declaration of the struct with the monitor's forecast, which the user's program gets at every sample."""
+MONITOR_STEP = """
+void rover_monitor_reset(RoverMonitor *m) {{
+  memset(m, 0, sizeof *m);
+{settings}
+  rover_pin_monitor_reset(m);
+}}
+
+void rover_monitor_step(RoverMonitor *m, const RoverControl *c, const RoverReading *in, RoverForecast *out) {{
+  real posture[2 + {links}] = {{in->roll, in->pitch}};
+  memcpy(posture + 2, in->suspension, {links} * sizeof(real));
+  if (rover_pin_monitor_check(m, in->duty, in->wheel_rate, in->current, posture, 2 + {links}))
+    rover_pin_monitor_foresee(m, &c->belief);
+  out->p_stuck = m->p_stuck;
+  out->p_buried = m->p_buried;
+  out->alarm = m->alarm;
+  out->cause = rover_pin_monitor_cause(m);
+  memcpy(out->causes, m->causes, 3 * sizeof(real));
+  out->causes[3] = m->motor;
+  out->causes[4] = m->sensor;
+}}
+"""
+
+
+def monitor_header(monitor: Monitor) -> list[str]:
+    """Return the lines of the monitor in the C header of an exported control: the structs and functions of the
+    monitor.
+    """
+    return [
+        "#define ROVER_MONITOR",
+        struct_of_fixed_size("RoverMonitor", monitor_source.FIELDS, monitor_source.lengths(len(monitor.law.radii))),
+        FORECAST,
+        "void rover_monitor_reset(RoverMonitor *monitor); /* before the first step, together with the control */",
+        "void rover_monitor_step(RoverMonitor *monitor, const RoverControl *control, const RoverReading *reading,",
+        "                        RoverForecast *forecast); /* after rover_control_step, with the same reading */",
+    ]
+
+
+def monitor_text(monitor: Monitor) -> list[str]:
+    """Return the lines of the monitor in the C source of an exported control, which follow the lines of the control
+    itself.
+    """
+    settings = [f"  m->{name} = {getattr(monitor.struct, name)!r};" for name in MONITOR_SETTINGS]
+    settings += [f"  m->{name} = {table};" for name, table in MONITOR_TABLES.items()]
+    return [
+        "typedef RoverMonitor Monitor;",
+        c_table("real", "PULLS", monitor.keep["pulls"]),
+        c_table("real", "PULL_SLOPES", monitor.keep["pull_slopes"]),
+        with_static_functions(monitor_source.c_source()),
+        MONITOR_STEP.format(settings="\n".join(settings), links=len(monitor.estimate.places)),
+    ]
