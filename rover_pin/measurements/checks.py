@@ -14,19 +14,20 @@ from rover_pin.base.files.table_layout import MISSING
 from rover_pin.estimation.wording import MAX_NAMED
 
 MAX_RATIO = 10.0
-"""Largest slip that may be a slip divided by the travel speed; slips above this value look like percent.
+"""Largest slip that can be a slip divided by the travel speed. Larger slips look like percent.
 
-Reason: divided by the travel speed, 10 corresponds to S = 0.91 of Eq (1), and few tests go further, but a table in
-percent has slips above 10."""
+Reason: a slip of 10, divided by the travel speed, is S = 0.91 of Eq (1), and few tests go further. A table in percent
+has slips above 10."""
 ROUNDED_ONE = 1.2
-"""Largest slip that counts as an error of its row. Slips between 1 and this value are a sensor error of a wheel that
-spins on the spot or is locked; larger slips look like slips of another definition."""
+"""Largest absolute slip that counts as the error of a single row. Absolute slips between 1 and this value come from the
+sensors' errors at a wheel that spins on the spot or is locked. Larger ones look like slips of another definition. The
+value allows a sensor error of 20 % (assumed)."""
 FORMULAS = {"over-travel-speed": "(r omega - v) / v", "over-rim-speed": "(r omega - v) / (r omega)"}
 """Formulas of the definitions of slip other than Eq (1) of the paper, (r omega - v) / max(r omega, v), by the names
 that rig.toml uses for them. r omega is the rim speed and v the travel speed."""
 MAX_DEPTH_RATIO = 10.0
-"""Largest accepted ratio of sinkage to wheel radius. A larger sinkage must be in another unit: millimetres read as
-metres are 1000 times too deep, centimetres 100 times."""
+"""Largest accepted ratio of sinkage to wheel radius. A larger sinkage must be in another unit: a sinkage in millimetres
+that is read as metres is 1000 times too large, and a sinkage in centimetres 100 times."""
 
 
 def column(values: Any, name: str, where: str, gaps: bool = False) -> np.ndarray:

@@ -44,8 +44,9 @@ UNITS = {column.column: column.unit for column in RIG_COLUMNS}
 TEXTS = tuple(name for name, unit in UNITS.items() if unit == "text")
 """Columns of a data set that hold text."""
 PER_CENT = 1.5
-"""Largest slip that is accepted as a fraction although the table states no unit. If a slip is larger, the user must
-state the unit (percent) or the definition of slip."""
+"""Largest absolute slip that is accepted as a fraction although the table states no unit. If a slip is larger, the user
+must state the unit (percent) or the definition of slip. The value allows for sensor errors at a slip of 1; a table in
+percent has larger slips."""
 
 
 class Source(NamedTuple):

@@ -22,19 +22,20 @@ from rover_pin.measurements.checks import column
 from rover_pin.soil.wheel_forces import pressing_force
 
 MIN_SINKAGE = 0.004
-"""Smallest sinkage [m] of a reading that is used. At smaller sinkage the contact settles, and the zero of the depth is
-uncertain."""
+"""Smallest sinkage [m] of a reading that is used (assumed). At smaller sinkage the contact settles, and an error of the
+depth's zero would be a large part of the sinkage."""
 
 SAMPLES = 12
 """Number of evenly spaced depths that represent the readings of a trial, because neighbouring readings are not
 independent."""
 
 MAX_SINKAGE, MAX_FORCE = 10.0, 1e7
-"""Largest accepted sinkage (MAX_SINKAGE) [m] and force (MAX_FORCE) [N] of a pressing trial. A larger value must have
-been given in another unit."""
+"""Largest accepted sinkage (MAX_SINKAGE) [m] and force (MAX_FORCE) [N] of a pressing trial. No trial reaches these
+values, so that a larger value must have been given in another unit."""
 
 EXPONENTS = (0.3, 2.5)
-"""Bounds of the search for the sinkage exponent n."""
+"""Bounds of the search for the sinkage exponent n (assumed). Dry sand has an exponent of about 1. Without bounds, noisy
+trials could give an exponent that no soil has."""
 
 ASSUMED_UNCERTAINTY = 0.1
 """Relative uncertainty (assumed) of a soil constant from a separate measurement that states no uncertainty."""

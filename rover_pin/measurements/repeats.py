@@ -10,14 +10,15 @@ from scipy.stats import f as f_distribution
 from rover_pin.measurements.rig_set import SAME_LEVEL, STRAIGHT, classes
 
 SAME_WEIGHT = 1.1
-"""Largest ratio of neighbouring loads (sorted by size) within a group of repeated runs (assumed: a hung weight varies
-by 5 %)."""
+"""Largest ratio of neighbouring loads (sorted by size) within a group of repeated runs. The value allows a hung weight
+to vary by 5 % in both directions (assumed)."""
 MIN_FREEDOM = 3
 """Minimum degrees of freedom for an estimate of the noise from repeated runs. With three, the 95 % interval of the SD
 extends from 0.57 to 3.7 times the estimate."""
 OUTLYING_PROBABILITY = 0.01
-"""Minimum probability of the scatter of a group of repeated runs. With a smaller probability, the scatter counts as
-outlying. It is the probability that chance gives at least one of all groups such a scatter."""
+"""Minimum probability of the scatter of a group of repeated runs: the probability that chance gives at least one of all
+groups such a scatter. With a smaller probability, the scatter counts as outlying. The value is the one at which ISO
+5725-2 calls a variance an outlier."""
 
 
 def repeat_groups(level: np.ndarray, load: np.ndarray, slip_angle: np.ndarray) -> np.ndarray:

@@ -37,8 +37,9 @@ BEKKER_UNITS = {"k_c": "N/m^(n+1)", "k_phi": "N/m^(n+2)"}
 CHANNELS = tuple(kind.column.rpartition("_")[0] for kind in RIG_CHANNELS)
 """Names of the channels whose noise the table [noise] of rig.toml may state."""
 SLOPE, MAX_SLOPE = "slope_rad", math.radians(60.0)
-"""Name of the column with the slope [rad] that a wheel climbs at a steady slip, and the largest accepted slope [rad].
-This column replaces the column of the drawbar pull."""
+"""SLOPE is the name of the column with the slope [rad] that a wheel climbs at a steady slip; this column replaces the
+column of the drawbar pull. MAX_SLOPE is the largest accepted slope [rad]: no wheel climbs a steeper slope of loose
+soil, so that a larger number must be in degrees."""
 
 
 class ExtraNumber(NamedTuple):
@@ -346,8 +347,9 @@ def _with_slips(table: pd.DataFrame, where: str) -> pd.DataFrame:
 
 
 DECLARED_SD, UNDECLARED_SD = 0.35, 0.7
-"""Assumed relative SD of a soil modulus: the first value if the modulus is declared without an SD (bench tests), the
-second value if it is not declared."""
+"""Relative SD of a soil modulus (assumed). DECLARED_SD holds for a modulus that is declared without an SD: bench tests
+of one soil differ by about this much. UNDECLARED_SD holds for a modulus that is not declared: its default value may be
+wrong by a factor of 2 (e^0.7 = 2.0)."""
 
 SIZE_SD = 0.01
 """Assumed relative SD of a wheel's radius or width that is declared without an SD; it equals the assumption for drive

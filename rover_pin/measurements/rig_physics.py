@@ -26,24 +26,27 @@ MAX_MEDIAN_FORCE, MAX_FORCE = 3.0, 100.0
 """Largest accepted ratio of the pull, or of torque / r, to the load: first for the median of all runs, then for a
 single run. Data with a larger ratio are refused. Sand gives up to 0.7, lugs in clay about 1."""
 DOUBTFUL_FORCE = {DrawbarPull: 1.0, Torque: 1.5}
-"""Maximum median ratio of pull to load, and of torque to r times load. Data with a larger ratio are reported as
-doubtful. Sand gives up to 0.7, lugs in clay about 1."""
+"""Maximum median ratio of pull to load, and of torque to r times load, of data that are not doubted. Sand gives up to
+0.7, lugs in clay about 1. The torque may be larger than the pull times r, because it also overcomes the motion
+resistance."""
 DRIVING, SLIPPING = 0.1, 0.3
 """Minimum slip of a wheel that certainly drives, and minimum slip of a wheel that has certainly sheared the soil.
 Smaller slips may be errors of the radius, which is known to a few percent (assumed)."""
 MIN_TORQUE, DOUBTFUL_TORQUE = 0.003, 0.01
-"""Smallest ratio of the torque of a slipping wheel to r times load: data below the first value are refused, data below
-the second are reported as doubtful. A soil at its bearing limit of 5.1 c (Prandtl) still resists with c / (5.1 c) =
-0.2. If k is ten times the contact length, a tenth of this remains."""
+"""Smallest ratio of the torque of a slipping wheel to r times load. Data below MIN_TORQUE are refused, and data below
+DOUBTFUL_TORQUE are reported as doubtful. Reason: a soil at its bearing limit of 5.1 c (Prandtl) still resists with the
+ratio c / (5.1 c) = 0.2; if k is ten times the contact length, a tenth of this remains, which is 0.02."""
 MAX_EFFICIENCY = 1.5
 """Largest accepted ratio of the work that the wheel gives out to the work that its torque puts in. Data with a larger
-ratio are refused. A wrong zero or radius explains a few percent (assumed)."""
+ratio are refused. Without errors of the measurement the ratio is below 1; a wrong zero or radius explains an excess of
+a few percent (assumed), but not of 50 %."""
 MIN_RESOLUTION = 1e-12
 """Smallest accepted ratio of a channel's noise to its largest value. Data with a smaller ratio are refused, because no
 converter has 40 bits."""
 DOUBTFUL_PULL = 0.02
 """Ratio of pull to load that at least one run must reach if the slips span more than SLIPPING; otherwise the pull is
-reported as doubtful."""
+reported as doubtful. Soil gives ratios of 0.1 or more, so that a pull that stays below 0.02 is in another unit, or its
+sensor was not connected."""
 MIN_STIFFNESS, MIN_STIFFNESS_WIDTH, MAX_STIFFNESS = 1e5, 1e4, 1e9
 """Limits of the soil's stiffness (pressure divided by sinkage) within which rig data are not doubted.
 

@@ -28,11 +28,11 @@ SAME_LOAD = 1.5
 """Largest ratio of two loads that still count as one load: they change the contribution of the cohesion c to the
 strength by at most a third."""
 SAME_LEVEL = 0.02
-"""Largest distance between neighbouring slips (sorted by size) of one slip level, if the data do not name
-the levels."""
+"""Largest distance between neighbouring slips (sorted by size) of one slip level, if the data do not name the levels.
+Rigs repeat a slip to within about 0.01 (assumed), and the levels of a test are usually 0.1 apart."""
 STRAIGHT = 0.01
-"""Largest slip angle [rad] at which a wheel counts as running straight. The cross-talk of load cells is about 1 % of
-the load (assumed)."""
+"""Largest slip angle [rad] at which a wheel counts as running straight. At this angle the side force is about as small
+as the cross-talk of load cells, which is 1 % of the load (assumed)."""
 FRICTION = ("phi", "FlankPressure.phi_f", "Ploughing.phi_f")
 """Names of the parameters that are friction angles of the sand. None of them can be smaller than the sand's angle of
 repose."""

@@ -17,7 +17,8 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.slip import slip_ratio
 
 MIN_ROWS = 8
-"""Minimum number of rows of the log in a window; with this number, the SD of the window is known within a quarter."""
+"""Minimum number of rows of the log in a window. With eight rows, the SD of the window is known to within a quarter of
+its value."""
 
 
 @dataclass(frozen=True)

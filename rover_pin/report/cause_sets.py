@@ -32,7 +32,8 @@ class CauseSet(NamedTuple):
     probability: float
     "probability of the set; NaN if no probabilities were computed"
     numbers: tuple[Number, ...] = ()
-    "fitted sizes of the causes, and other fitted numbers of them; empty if the set was not fitted"
+    """fitted numbers of the causes: their sizes, and the other parameters of their laws; empty if the set was not
+    fitted"""
     errors: Mapping[str, float] = MappingProxyType({})
     """name of a channel -> held-out RMSE in the channel's unit; empty if the set was not fitted"""
 
@@ -175,8 +176,8 @@ def cause_table(verdict: Verdict, labels: Labels) -> Table | None:
         # The row of the base model has no causes; it shows the numbers of the base model that the data contradict.
         sizes = [] if row.names else [f"{number.name} = {with_interval(number)}" for number in row.numbers]
         for name in row.names:
-            # Only sizes are shown, which have no declared value to drift from. The other numbers shape the law of a
-            # cause.
+            # Only the sizes of causes are shown. A size has no declared value, so that its drift from it is NaN. The
+            # other numbers only shape the law of the cause.
             numbers = tuple(number for number in numbers_of(row, name) if math.isnan(number.drift))
             text = sizes_of(row._replace(numbers=numbers), name)
             # If a set has several causes, each text begins with the title of its cause.

@@ -104,8 +104,10 @@ def headline(verdict: Verdict, labels: Labels) -> str:
 
 
 def _contradictions(verdict: Verdict) -> str:
-    """Return the end of a headline: that something else acts, because a residual is too large to be noise, and that
-    held-out data contradict the evidence; a full stop if neither holds.
+    """Return the end of a headline. It states up to two contradictions, otherwise it is a full stop.
+
+    The first contradiction is a residual that is too large to be noise, so that something else acts as well. The second
+    contradiction is that held-out data contradict the evidence.
     """
     beyond = "; something else acts as well" if verdict.beyond_noise and verdict.named else ""
     return beyond + ("; held-out data contradict the evidence." if verdict.overturned else ".")
@@ -254,10 +256,11 @@ def supporting_reasons(verdict: Verdict, labels: Labels) -> list[str]:
         better, worse = (by_outcome(verdict.scores, outcome) for outcome in (Outcome.BETTER, Outcome.WORSE))
         if better:
             score = better[0]
-            change = f"{labels.channel(score.name)} by {share(score.change)} [{share(score.low)}, {share(score.high)}]"
+            change = f"{share(score.change)} [{share(score.low)}, {share(score.high)}]"
             lines.append(
-                f"{labels.unseen} {len(better)} of {len(verdict.scores)} channels are predicted better beyond their "
-                f"scatter and {len(worse)} worse; the error changes most for {change}"
+                f"{len(better)} of {len(verdict.scores)} channels are predicted better {labels.unseen}, and "
+                f"{len(worse)} worse, by more than their scatter; the error of {labels.channel(score.name)} changes "
+                f"most, by {change}"
             )
         # Only a majority of repeated selections supports the choice.
         agree, folds = verdict.agreeing_folds, len(verdict.chosen)
@@ -354,4 +357,7 @@ def _repeated_choices(verdict: Verdict, labels: Labels) -> str:
     Each repeated selection leaves out one fold of the data, which is a run or a slip level.
     """
     agree, folds = verdict.agreeing_folds, len(verdict.chosen)
-    return f"the selection was repeated {folds} times, each time without one of the {labels.folds}, and {agree} agree"
+    return (
+        f"the selection of effects was repeated {folds} times, each time without one of the {labels.folds}, and "
+        f"{agree} of the {folds} selections agree with the verdict"
+    )

@@ -47,7 +47,7 @@ def svg(figure: Figure, name: str, alt: str) -> str:
     name : str
         Prefix of all ids in the element, because two figures of one page must not share an id.
     alt : str
-        What the figure shows in words, for a screen reader.
+        Content of the figure in words, for a screen reader.
     """
     FigureCanvasSVG(figure)
     buffer = io.StringIO()

@@ -20,7 +20,8 @@ from rover_pin.simulation.stepping.pace import FINEST, AdjustableStepper
 from rover_pin.simulation.stepping.timing import Timing
 
 ROWS_PER_PROGRESS = 50
-"""Number of rows between two calls of a progress function, which shows the user the progress of the drive."""
+"""Number of rows between two calls of a progress function, which shows the user the progress of the drive. At 50 rows,
+which are 2.5 s of a usual drive, the calls take no noticeable time."""
 MAX_STEPS_PER_FOLLOWED = 2
 """Largest number of steps that a drive takes for each step of an earlier drive, when it repeats the earlier drive with
 equal or with halved steps. Memory is reserved for this number of steps."""

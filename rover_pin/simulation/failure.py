@@ -11,12 +11,12 @@ from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.state import DriveState, roll_pitch_yaw, suspension_places
 
 MAX_TILT = math.radians(60.0)
-"""Largest angle between the body's vertical and the world's vertical [rad]. Beyond this angle the rover counts as
-capsized, and the drive ends."""
+"""Largest angle between the body's vertical and the world's vertical [rad] (assumed). Beyond this angle the rover
+counts as capsized, and the drive ends. The angle is far beyond the slopes that wheels climb on loose soil."""
 MIN_UPRIGHT_COSINE = math.cos(MAX_TILT)
 MAX_OVERTRAVEL = math.radians(10.0)
-"""Largest excess of a suspension joint's angle over its end stop [rad]. Beyond this angle the suspension counts as
-folded, and the drive ends."""
+"""Largest excess of a suspension joint's angle over its end stop [rad] (assumed). Beyond this angle the suspension
+counts as folded, and the drive ends, because no real end stop yields so far."""
 MAX_SPEED = 10.0
 """Largest speed of the base along one of its axes [m/s]. Beyond this speed the computation counts as diverged, because
 no rover is so fast, and the drive ends."""

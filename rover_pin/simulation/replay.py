@@ -39,19 +39,22 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.terrain import Terrain
 
 PERIOD = 0.05
-"""Shortest time between the rows of a replay [s]. If the rows of the log are further apart, the rows of the replay have
-their median distance."""
+"""Shortest time between the rows of a replay [s]; it equals the usual time between the rows of a simulated drive. If
+the rows of the log are further apart, the rows of the replay have their median distance. A log with closer rows does
+not make the replay slower."""
 ROUGH = 20.0
 """Factor of a replay on the limits of the forecast error (`pace.ROUGH`, `pace.CALM`), so that its steps may be longer
 than the steps of a drive. Reason: a tracker that measures positions does not resolve the small errors that a drive
 tolerates."""
 HOLD = 1.0
-"""Time constant [s] of the pull of the simulated rover to the logged position and heading."""
+"""Time constant [s] of the pull of the simulated rover to the logged position and heading (assumed). It is short enough
+to keep the rover on the ground of the logged run, and long compared with the time steps."""
 ROWS_PER_CHECK = 10
 """Number of rows between two checks whether the rover can still drive, or has capsized, for example."""
 FIRST_ROWS = 5
-"""Number of rows at the beginning of a log whose mean position is taken as the start of the run. It is not used if the
-log declares the start."""
+"""Number of rows at the beginning of a log whose mean position is taken as the start of the run. The mean of five rows
+has less than half the noise of a single row, and the rover hardly moves in them. They are not used if the log declares
+the start."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -120,7 +120,7 @@ def free_runs_section(verdict: Verdict) -> Section | None:
     if len(free) > 1:
         rows.append(_free_row("all runs together", "", *distances_of(free), added))
     table = Table(
-        ("run", "distance driven", *before_and_after(added)), tuple(rows), "RMS distance from the measured place"
+        ("run", "distance driven", *before_and_after(added)), tuple(rows), "RMS distance from the measured position"
     )
     return Section("Free runs", "drive/free_runs.html", {"table": table})
 

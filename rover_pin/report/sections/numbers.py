@@ -56,7 +56,11 @@ def number_table(verdict: Verdict) -> Table:
 
 
 def most_correlated(fitted: Fit) -> dict[str, str]:
-    """Return, for each fitted number, the other number of largest correlation with it: {"soil.k": "soil.phi -0.97"}."""
+    """Return a dict from each fitted number to the number with which it correlates most, and the correlation.
+
+    For example, {"soil.k": "soil.phi -0.97"} states that an error of soil.k is nearly hidden by an error of soil.phi of
+    the opposite sign.
+    """
     names, covariance = [parameter.name for parameter in fitted.parameters], fitted.covariance
     sd = np.sqrt(np.diag(covariance))
     # The diagonal, which is 1, is subtracted, so that no number is its own partner.

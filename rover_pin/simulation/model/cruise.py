@@ -9,7 +9,7 @@ from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.wheel_forces import load_traction_factor, wheel_forces
 
 CRUISE_SLIP = 0.05
-"""Assumed slip of a rover that drives steadily on level ground [-]. The paper states only that the slip "stays near
+"""Slip of a rover that drives steadily on level ground [-] (assumed). The paper states only that the slip "stays near
 0"."""
 CRUISE_SPEED, CRUISE_DUTY = 0.05, 0.55
 """Steady speed of the paper's test bed [m/s], and the duty [-] that gives this speed. Source: the paper, section 5."""

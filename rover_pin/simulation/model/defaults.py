@@ -25,19 +25,20 @@ from rover_pin.soil.angles import ANGLES, FixedAngles, SinkageAngles
 from rover_pin.soil.wheel_forces import wheel_forces
 
 HOLDING_SLOPE = math.radians(25.0)
-"""Slope [rad] on which a default motor holds the rover at duty 0.55; the motor is sized accordingly. Assumed: above the
-20 deg of the paper's test field."""
+"""Slope [rad] on which a default motor holds the rover at duty 0.55. The stall torque of a default motor is chosen for
+this slope, which is assumed to be somewhat steeper than the 20 deg of the paper's test field."""
 FROUDE = CRUISE_SPEED / CRUISE_DUTY / math.sqrt(EARTH * float(NEXUS6_WHEEL.r))
 """Froude number of the rover's speed at full duty, speed / sqrt(g r), with gravity g and wheel radius r: 0.14, from the
 paper's 0.05 m/s at duty 0.55 with r = 45 mm. Default motors of other rovers get an equal Froude number."""
 NEXUS6_MASS = 5.8
-"""Mass of the paper's rover [kg]."""
+"""Mass of the paper's rover [kg], from section 2 of the paper."""
 ROTOR_SHARE = 1e-3 / (NEXUS6_MASS / 6 * float(NEXUS6_WHEEL.r) ** 2)
 """Ratio of the inertia of a motor's rotor, referred to the wheel, to m r^2 / n, with the rover's mass m, wheel radius r
 and number of wheels n. It is computed from the motor that is assumed for Nexus 6, and used for the default motors of
 other rovers."""
 SUPPLY, GEAR = 12.0, 100.0
-"""SUPPLY and GEAR: supply voltage [V] and gear ratio of a default motor (assumed); only currents depend on them."""
+"""Supply voltage [V] and gear ratio of a default motor (assumed). The stall torque and the no-load rate do not depend
+on them; only the currents do."""
 
 
 Kind = TypeVar("Kind")

@@ -18,11 +18,12 @@ several times 1."""
 MIN_DURATION = 0.5
 """Shortest drive [s] whose mean load is checked. In a shorter drive a single bounce would decide the mean."""
 MIN_YIELD = math.radians(0.1)
-"""Smallest angle [rad] beyond an end stop that gives a note. The note states that the end stop yielded."""
+"""Smallest angle [rad] beyond an end stop that gives a note. The note states that the end stop yielded. A smaller angle
+is the usual compression of the stiff spring that represents the end stop."""
 MAX_ENERGY_ERROR, MIN_ENERGY = 0.01, 1e-6
-"""MAX_ENERGY_ERROR: largest credible relative error of the energy balance of a drive; beyond it, a warning is given.
-MIN_ENERGY: if the drive's largest energy, divided by weight times wheel radius, is below this value, the rover counts
-as at rest, and the balance is not checked."""
+"""MAX_ENERGY_ERROR is the largest credible relative error of the energy balance of a drive (assumed); beyond it, a
+warning is given. MIN_ENERGY is the smallest ratio of the drive's largest energy to weight times wheel radius at which
+the balance is checked. Below it, the rover counts as at rest, and round-off would decide the error."""
 
 
 def load_warning(model: Model, rows: np.ndarray) -> str:

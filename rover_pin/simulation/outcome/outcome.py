@@ -15,17 +15,18 @@ from rover_pin.simulation.outcome.audit import radii_of
 from rover_pin.simulation.trace.trace import Trace
 
 MIN_TRAVEL_RATIO = 0.1
-"""The rover counts as stuck if the distance travelled, divided by the distance that the rims have turned, is below this
-number (slip S > 0.9)."""
+"""Smallest ratio of travelled distance to rim distance of a rover that is not stuck. The ratio 0.1 is the slip S = 0.9,
+at which a wheel hardly travels and digs itself in (assumed)."""
 MIN_SPEED_SHARE = 0.05
-"""The motors count as stalled if their mechanical work, divided by the electric energy that they take, is below this
-number. This ratio is about the wheels' speed divided by their speed without load."""
+"""Smallest ratio of the motors' mechanical work to their electric energy at which they do not count as stalled
+(assumed). The ratio is about the wheels' speed divided by their speed without load, so that stalled motors turn at less
+than 5 % of this speed."""
 STILL_SHARE = 0.1
-"""The rover counts as not moving if the distance that it has moved, divided by the wheel radius, is below this
-number."""
+"""Smallest ratio of the rover's displacement to the wheel radius at which the rover counts as moving (assumed). Smaller
+displacements come from the suspension and from wheels that settle."""
 MIN_CROSSINGS = 4
-"""The wheels count as swinging to and fro if they change their direction, on average, at least this number of times in
-the later half of a drive."""
+"""Smallest mean number of changes of direction of a wheel, in the later half of a drive, at which the wheels count as
+swinging to and fro. Four changes are two full swings; a rover that reverses once or that rolls back has fewer."""
 NO_DUTY = 1e-9
 """Largest absolute duty of a motor that counts as not driven. The duties of a servo at rest are not exactly 0 because
 of round-off."""
@@ -33,9 +34,9 @@ HELD_SINCE = "stands_since"
 """Name of an attribute of a trace: the time [s] since which a controller holds the wheels still, because the rover has
 reached its aim."""
 ON_THE_SPOT = 0.2
-"""Limit with two uses. The rover counts as turning on the spot if the body's path, divided by the wheels' travel, is
-below this number. The outcome mentions that the rover slides sideways if the sideways motion, divided by the travel, is
-above it."""
+"""Limit with two uses (assumed). The rover counts as turning on the spot if the body's path, divided by the wheels'
+travel, is below this number. The outcome mentions that the rover slides sideways if the sideways motion, divided by the
+travel, is above this number."""
 
 
 class DriveOutcome(NamedTuple):
