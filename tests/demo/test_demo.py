@@ -1,4 +1,6 @@
-"""Made-up data sets: read as others are, the truth beside them alone, and the loop answers truly."""
+"""Simulated data sets of the command demo: they are read like measured data, only the truth file states the hidden
+effect, and the loop finds this effect.
+"""
 
 import json
 import tomllib
@@ -28,7 +30,9 @@ def test_a_rig_tells_what_was_hidden_beside_it_alone(run, tmp_path):
 
 
 def test_a_rig_scatters_as_it_says(tmp_path):
-    """Repeats of a level differ by the stated noise, and deeper slip sinks deeper where that is hidden."""
+    """Repeats of a level differ by the stated noise, and a hidden slip-sinkage lets the wheel sink deeper at large
+    slip.
+    """
     rig.write(tmp_path / "plain", "nothing", 1)
     rig.write(tmp_path / "deep", "SlipSinkage.n_1=0.7", 1)
     plain, deep = (read_rig_set(tmp_path / name) for name in ("plain", "deep"))
@@ -62,7 +66,9 @@ def test_a_drive_log_is_as_long_and_as_varied_as_the_loop_needs(tmp_path):
 
 
 def test_motors_and_tracker_of_a_synthetic_drive_are_imperfect(tmp_path):
-    """Of two logs of one seed, one with nothing wrong with the sensors: zeros wander, no two motors are alike."""
+    """Two logs with one seed are compared, one of them with equal motors, equal tachogenerators and a tracker without
+    drift.
+    """
     drive_log.write(tmp_path / "real", "nothing", 0)
     with pytest.MonkeyPatch.context() as exact:
         for name in ("DRIFT", "MOTOR_SD", "TACHO_SD"):
@@ -80,7 +86,7 @@ def test_motors_and_tracker_of_a_synthetic_drive_are_imperfect(tmp_path):
 
 
 def test_a_recording_is_imported_as_it_was_driven(tmp_path):
-    """The importer finds each run, and the sensors' numbers, behind the names and units of a logger."""
+    """The importer finds each run and recovers the sensors' readings from the logger's names and units."""
     made = recording.write(tmp_path / "made", "SupplySag.R_b=3", 0)
     assert "SupplySag" not in made.files[0].read_text()
     import_log(made.files, out=tmp_path / "log")

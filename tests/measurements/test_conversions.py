@@ -1,4 +1,4 @@
-"""What the reader of a rig set makes of a table, against the same computed by hand from the wheel's motion."""
+"""The reader of a rig set converts its table; the expected values are computed by hand from the motion of the wheel."""
 
 import math
 
@@ -37,7 +37,9 @@ def rig(folder, points, top="", wheel="", soil="", noise=""):
 
 
 def test_slip_over_the_tips_of_lugs_becomes_that_of_the_rim(tmp_path):
-    """A wheel of 90 mm with lugs of 10 mm turns at 1 rad/s; the table has r = 100 mm and slips of the tips."""
+    """A wheel of 90 mm with lugs of 10 mm turns at 1 rad/s. The table states r = 100 mm and the slips of the
+    lug tips.
+    """
     omega, travels = 1.0, (0.02, 0.06, 0.09, 0.12)
     tips = [(0.1 * omega - v) / max(0.1 * omega, v) for v in travels]
     rims = [(0.09 * omega - v) / max(0.09 * omega, v) for v in travels]
@@ -61,7 +63,7 @@ def test_a_slope_is_a_load_across_it_and_a_pull_along_it(tmp_path):
 
 
 def test_missing_slips_follow_from_the_speeds_along_the_heading(tmp_path):
-    """The carriage moves at 50 mm/s under 30 deg; along the wheel's plane that is 43.3 mm/s."""
+    """The carriage moves at 50 mm/s at 30 deg to the wheel's plane, which is 43.3 mm/s along this plane."""
     table = "slip,load_N,sinkage_m,travel_speed_mps,rim_speed_mps,slip_angle_rad\n"
     table += f",50,0.01,0.05,0.08,{math.radians(30)}\n,50,0.01,0.05,0.02,{math.radians(30)}\n"
     read = rig(tmp_path / "speeds", table)
@@ -70,7 +72,7 @@ def test_missing_slips_follow_from_the_speeds_along_the_heading(tmp_path):
 
 
 def test_bekkers_constants_give_the_pressure_that_they_state(tmp_path):
-    """p(z) = (k_c / b + k_phi) z^n is the pressure under a plate as wide as the wheel, whatever the units."""
+    """The pressure under a plate of the wheel's width is p(z) = (k_c / b + k_phi) z^n in any units."""
     k_c, k_phi, n, b = 1.4e3, 820e3, 1.2, 0.05
     soil = 'n = 1.2\nk_c = { value = 1.4, unit = "kN/m^(n+1)" }\nk_phi = { value = 820, unit = "kN/m^(n+2)" }'
     read = rig(tmp_path / "bekker", "slip,load_N,sinkage_m\n0,50,0.01\n0.5,50,0.02\n", soil=soil)
@@ -109,7 +111,9 @@ def test_a_gravity_that_is_none_is_refused(gravity, tmp_path):
 
 
 def test_sand_without_a_declared_density_still_weighs_less_on_the_moon(tmp_path):
-    """The default gamma is 1600 kg/m^3 on Earth; under another gravity a fit starts from this density, and frees it."""
+    """The default gamma corresponds to 1600 kg/m^3 on Earth. Under another gravity, a fit starts from this density and
+    has gamma as a free parameter.
+    """
     table = "slip,load_N,sinkage_m\n0,4,0.01\n0.5,8,0.02\n"
     moon = rig(tmp_path / "moon", table, 'gravity = "moon"')
     candidate = preset_candidate(Bulldozing(), moon)
@@ -119,7 +123,7 @@ def test_sand_without_a_declared_density_still_weighs_less_on_the_moon(tmp_path)
 
 
 def on_two_bodies(tmp_path, c=0.0):
-    """One wheel of given mass in one sand of cohesion `c`, on Earth and on the Moon."""
+    """Return the set of a wheel of given mass in sand of cohesion `c`, on Earth and on the Moon."""
     table, density = (
         "slip,load_kg,sinkage_m,drawbar_pull_N,drawbar_pull_sd_N\n0.1,4,0.01,1,1\n0.5,4,0.02,2,1\n",
         "bulk_density = 1500",
@@ -163,7 +167,9 @@ def test_slopes_of_a_joint_fit_hold_under_every_gravity(tmp_path):
 
 
 def test_a_wheel_pushed_sideways_may_sink_deeper_than_its_axle(tmp_path):
-    """76 mm of a wheel of 62.5 mm at 90 deg were measured; straight ahead the same depth is doubted, not refused."""
+    """A wheel of radius 62.5 mm at a slip angle of 90 deg was measured to sink by 76 mm. At a slip angle of 0 this
+    depth is doubted but not refused.
+    """
     points = "slip,load_N,sinkage_m,slip_angle_rad\n0,40,0.06,0\n0.1,40,0.126,{angle}\n"
     sideways = rig(tmp_path / "sideways", points.format(angle=math.pi / 2))
     assert not any("axle" in finding.what for finding in suspicions(sideways))
@@ -174,7 +180,9 @@ def test_a_wheel_pushed_sideways_may_sink_deeper_than_its_axle(tmp_path):
 
 
 def test_the_noise_of_repeats_is_that_of_the_normal_numbers_that_made_it():
-    """Sets of three repeats on eight levels, 16 degrees of freedom: the mean of 200 estimates lies within 2 % of it."""
+    """Sets have three repeats on eight levels, which are 16 degrees of freedom. The mean of 200 estimates lies within 2
+    % of the true SD.
+    """
     random = np.random.default_rng(0)
     slip = np.repeat(np.linspace(0.0, 0.7, 8), 3)
     group = repeat_groups(np.repeat(np.arange(8), 3), np.full(24, 50.0), np.zeros(24))
@@ -202,7 +210,9 @@ def test_a_rig_without_repeats_shows_no_noise_but_gaps_count_for_nothing():
 
 
 def test_the_base_model_of_a_lunar_set_is_that_of_its_loads(tmp_path):
-    """A mass of 5 kg loads a wheel on the Moon as 8.1 N do on Earth."""
+    """A mass of 5 kg loads a wheel on the Moon by 8.1 N. The base model must equal that of a set with 8.1 N
+    on Earth.
+    """
     lunar = rig(tmp_path / "a", "slip,load_kg,sinkage_m\n0.1,5,0.004\n0.4,5,0.005\n", 'gravity = "moon"')
     earth = rig(tmp_path / "b", "slip,load_N,sinkage_m\n0.1,8.1,0.004\n0.4,8.1,0.005\n")
     pairs = [RigExperiment((data,)) for data in (lunar, earth)]

@@ -1,7 +1,7 @@
-"""Soil parameters from a drive log, as section 4 of the paper takes them, against the soil that made the log.
+"""Soil parameters from drive logs by the method of section 4 of the paper, compared with the soil that made the logs.
 
-The logs are made by `tests/oracle/blind`, which shares no code with the package: sensor noise and steps, tachometers
-1 % and motors 1.2 % apart, a torque constant declared 1.5 % off (1 SD).
+The logs come from `tests/oracle/blind`, which shares no code with the package. The sensors have noise and quantisation
+steps, the tachometers differ by 1 % and the motors by 1.2 %, and the declared torque constant is wrong by 1.5 % (1 SD).
 """
 
 import dataclasses
@@ -69,7 +69,9 @@ def true_factor(S):
 
 
 def test_a_log_with_sensors_tells_the_soil_that_made_it(log):
-    """Samples classed one by one said k = 5.0 mm [3.6, 7.3], phi = 17 deg [15, 21]."""
+    """If every sample were assigned to a class by its own slip, the result would be k = 5.0 mm [3.6, 7.3] and phi = 17
+    deg [15, 21].
+    """
     identification = identify(log)
     for name, truth in (("k", 0.01), ("phi", math.radians(30.0))):
         assert holds(identification[name].number, truth)
@@ -106,7 +108,9 @@ def cart_log(folder, ground="slope", seed=0, **settings):
 
 
 def test_a_wheel_whose_arc_carries_its_load_tells_the_soil(tmp_path):
-    """The law at the soil's theta_1, whatever the load, said k = 34 mm [27, 45], phi = 23 deg [20, 27], both found."""
+    """With theta_1 fixed at the soil's value, whatever the load, the intervals would be too narrow and wrong: k = 34 mm
+    [27, 45], phi = 23 deg [20, 27].
+    """
     soil = cart_log(tmp_path)
     assert np.ptp(np.log(read_drive_points(tmp_path).load)) > 0.3
     identification = identify(tmp_path)
@@ -115,7 +119,9 @@ def test_a_wheel_whose_arc_carries_its_load_tells_the_soil(tmp_path):
 
 
 def test_loads_that_statics_leave_open_mislead_nobody(tmp_path):
-    """Wheel by wheel, hills under a rigid chassis said phi = 9.1 deg [6.5, 17.3], found; the truth is 30."""
+    """If each wheel were evaluated alone, hills under a rigid chassis would give the wrong phi = 9.1 deg [6.5, 17.3];
+    the truth is 30 deg.
+    """
     soil = cart_log(tmp_path, "hills")
     identification = identify(tmp_path)
     for name in ("k", "phi"):
@@ -123,7 +129,9 @@ def test_loads_that_statics_leave_open_mislead_nobody(tmp_path):
 
 
 def test_unmeasured_modulus_is_uncertain_together_with_the_rest(tmp_path):
-    """Held at twice the truth, k_1 halves k and takes 7 deg off phi, and the fit is good; left open, it says so."""
+    """If k_1 is fixed at twice its true value, the fit is good, but k is half its true value and phi is 7 deg too
+    small. If k_1 is free, the intervals show the uncertainty.
+    """
     truth = cart_log(tmp_path, **{"motor.resistance": 26.9})
     with_fixed_modulus = identify(tmp_path, fixed={"k_1": 2.0 * float(truth.k_1)})
     assert with_fixed_modulus["phi"].number.value < truth.phi - math.radians(4.0)
@@ -152,7 +160,7 @@ def test_a_modulus_that_was_sized_is_not_said_to_be_declared(tmp_path):
 
 
 def test_exact_sensors_give_the_slip_that_the_soil_feels(drive, trace, tmp_path):
-    """What is left are the classes' widths and the ground that bends within a wheelbase."""
+    """The remaining error comes from the width of the classes and from ground that bends within a wheelbase."""
     drive.write_log(trace, tmp_path)
     points = read_drive_points(tmp_path)
     assert points.factor == pytest.approx([true_factor(S) for S in points.slip], abs=0.003)
@@ -197,7 +205,7 @@ def test_a_log_without_its_motor_is_refused(log, tmp_path):
 
 
 def test_the_line_through_noise_knows_its_doubt():
-    """White noise of SD 1 about t: slopes scatter as said; noise that stays for a while counts less."""
+    """For white noise of SD 1, the slopes scatter as the stated SD. Correlated noise gives a larger SD."""
     random, t = np.random.default_rng(3), 0.05 * np.arange(40)
     fits = [line(t, t + random.standard_normal(40)) for _ in range(300)]
     assert np.std([fit.slope for fit in fits]) == pytest.approx(np.mean([fit.slope_sd for fit in fits]), rel=0.15)
@@ -208,7 +216,9 @@ def test_the_line_through_noise_knows_its_doubt():
 
 @pytest.mark.nightly
 def test_intervals_of_sensor_logs_hold_nine_of_ten_truths(tmp_path):
-    """Six soils climbed by the independent simulator, sixteen draws of sensors, gains and declared constants each."""
+    """The independent simulator climbs slopes of six soils, each with sixteen random draws of sensors, gains and
+    declared constants.
+    """
     truths = [
         {"k": k, "phi": math.radians(phi)}
         for k, phi in ((0.0025, 31), (0.004, 29), (0.006, 33), (0.010, 30), (0.016, 28), (0.030, 32))
@@ -224,7 +234,9 @@ def test_intervals_of_sensor_logs_hold_nine_of_ten_truths(tmp_path):
 
 
 def test_wheels_told_together_weigh_by_their_loads():
-    """Two wheels on one straight F(S) = S, loads 10 and 30 N that are guessed 20 and 20: F is their torques' alone."""
+    """Two wheels have the law F(S) = S and carry 10 and 30 N, but the loads are assumed as 20 and 20 N. Only their
+    torques decide F.
+    """
     guessed = [Window(0, 1.0, 0.10, 0.01, 0.10 * 10 / 20, 0.02, 0.0, 0.05, 20.0)]
     guessed += [Window(1, 1.0, 0.12, 0.01, 0.12 * 30 / 20, 0.02, 0.0, 0.06, 20.0)]
     window = pool(guessed)

@@ -1,4 +1,6 @@
-"""The reader of wheel-rig sets and traction points: shipped data, and one sentence for every flaw."""
+"""The reader of wheel-rig sets and traction points: it reads the shipped data, and refuses each fault of a file with
+one sentence.
+"""
 
 import math
 from pathlib import Path
@@ -47,7 +49,7 @@ def test_shipped_smooth_wheel_is_read_as_its_files_say():
 
 
 def test_repeats_state_the_noise_that_nobody_declares(tmp_path):
-    """Four levels of three runs: 8 degrees of freedom. With two runs a level there would be too few repeats."""
+    """Four levels of three runs have 8 degrees of freedom. Two runs for each level would be too few repeats."""
     random, slips = np.random.default_rng(3), np.repeat([0.1, 0.3, 0.5, 0.7], 3)
     pull = 10 * slips + random.normal(0.0, 0.2, 12)
     rows = [f"{i},{S},25,{f:.6g},{0.01 + 0.02 * S}" for i, (S, f) in enumerate(zip(slips, pull, strict=True))]

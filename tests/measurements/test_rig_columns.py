@@ -1,4 +1,4 @@
-"""Headers and layouts as laboratories write them: each table below holds the same runs, and must be read as such."""
+"""Column names and layouts of several laboratories: each table contains equal runs, and must be read as these runs."""
 
 import math
 
@@ -22,7 +22,7 @@ TRUTH = {S: SLIP, W: LOAD, F: PULL, T: TORQUE, Z: SINKAGE}
 
 
 def text(header, factors, delimiter=",", comma=False, lines=()):
-    """A table of the same runs: what the columns are called, and what SI is multiplied by in them."""
+    """Return a table with the given column names, whose SI values are multiplied by the given factors."""
     values = [TRUTH[name] * factor for name, factor in factors]
     rows = [delimiter.join(f"{value:.10g}" for value in row) for row in zip(*values, strict=True)]
     rows = [row.replace(".", ",") for row in rows] if comma else rows

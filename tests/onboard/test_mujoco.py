@@ -1,4 +1,6 @@
-"""A rover in MuJoCo on our soil: MuJoCo moves the bodies, its own way, and must come where our step does."""
+"""A rover in MuJoCo on the soil of rover_pin: MuJoCo moves the bodies with its own integrator, and must arrive where
+the package's simulation arrives.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,7 @@ def no_soil_is_left():
 
 
 def ours(name):
-    """Drive by our step at a sixteenth of its usual length."""
+    """Return the drive of the package's simulation, with a sixteenth of its usual time step."""
     case, steer = CASES[name]
     fine = dataclasses.replace(case.timing, dt=case.timing.dt / 16)
 
@@ -47,7 +49,7 @@ def ours(name):
 
 
 def theirs(name, timestep, changed=lambda model: None, disturb=lambda model, data: None):
-    """Drive by MuJoCo; return what the base did, a row a sample, and the soil's forces."""
+    """Drive the rover in MuJoCo, and return the motion of the base, one row for each sample, and the soil's forces."""
     case, steer = CASES[name]
     model = mujoco.MjModel.from_xml_string(mjcf(case.model, case.start, timestep))
     changed(model)
@@ -73,7 +75,7 @@ def driven(model, data, soil, wheels, steer, disturb=lambda model, data: None):
 
 @pytest.mark.parametrize("name", CASES)
 def test_mujoco_comes_where_our_step_does(name):
-    """As near as `docs/own-controller.md` says, nearer at finer steps."""
+    """The distance is within the value that `docs/own-controller.md` states, and falls with finer steps."""
     trace = ours(name)
     way = np.column_stack([trace[f"body_{axis}"] for axis in "xyz"])
     off = []

@@ -1,4 +1,6 @@
-"""Pictures of any rover on any ground: what is in them is what was driven, and what stands still is said in words."""
+"""Figures of drives with several rovers and terrains: they show the drive, and the title states constant channels in
+words.
+"""
 
 import numpy as np
 import pytest
@@ -41,7 +43,7 @@ def test_a_turn_is_seen_from_above():
 
 
 def test_a_drive_across_hills_is_seen_from_above_alone():
-    """From the side its wheels would hover over, or stand in, the ground of another y."""
+    """In a side view, the wheels would float above the ground of another y, or would be inside it."""
     model, trace = driven("hills", rover="cart", soil="table-1", duration=8.0, **{"terrain.height": 0.15})
     assert [axes.get_ylabel() for axes in snapshots(trace, model).axes] == ["y [m]"]
 
@@ -62,7 +64,7 @@ def test_no_legend_hides_a_line_and_none_is_cut(name):
     ("name", "settings"), [("one-sided-bump", {}), ("park", {}), ("field", {}), ("point-turn", {"rover": "cart"})]
 )
 def test_a_title_is_read_whole(name, settings):
-    """The longest: turned, with what is constant; and a rover that all but stalls."""
+    """The longest titles fit: a drive with a turn and constant channels, and a rover that nearly stalls."""
     model, trace = driven(name, duration=12.0, **settings)
     for figure in (snapshots(trace, model), history(trace)):
         figure.draw_without_rendering()

@@ -1,4 +1,4 @@
-"""The figures of sweeps and tunings: every case that was driven is in them, and what is not is said."""
+"""Figures of sweeps and tunings: they show every finished case, and the title counts the failed cases."""
 
 import numpy as np
 import pandas as pd
@@ -11,7 +11,7 @@ CASES = 8
 
 
 def table(**more):
-    """A study's table as a sweep writes it."""
+    """Return the table of a study as a sweep writes it."""
     steps = np.arange(CASES, dtype=float)
     columns = {"case": range(CASES), "repeat": 0, "seed": 1, "key": "k", "soil.k": 1e-3 * 2.0**steps}
     columns |= {"terrain.angle": np.radians(steps % 3), "control": ["none", "eq9"] * (CASES // 2)}
@@ -23,7 +23,7 @@ UNITS = {"soil.k": "m", "terrain.angle": "rad", "control": ""}
 
 
 def drawn(figure):
-    """Label of x and y, and the points, of every panel."""
+    """Return the labels of both axes and the points of every panel."""
     return [
         (
             axes.get_xlabel(),

@@ -1,4 +1,4 @@
-"""A drive log made here, small enough for every test, with all that the loop weighs of it."""
+"""Fixtures for the tests of reports: a simulated drive log, the fits of a model to it, and the verdict on it."""
 
 import dataclasses
 import math
@@ -54,7 +54,9 @@ def log_of(truth, seed):
 
 @pytest.fixture(scope="session")
 def searched():
-    """Two logged runs of a sagging supply, what is asked of them, and all that was weighed."""
+    """Return two simulated runs of a rover whose supply voltage sags, the question about them, and the result of the
+    search.
+    """
     model, truth = MODEL, MODEL.having(SupplySag())
     traces = tuple(log_of(truth, seed) for seed in (1, 2))
     experiment = experiment_of([logged_run(trace, model.rover) for trace in traces], model)
@@ -71,7 +73,7 @@ def searched():
 
 @pytest.fixture(scope="session")
 def sag_fits(searched):
-    """The log, with the fits before and after the sag is added."""
+    """Return the drive log, and the fits without and with the effect of the sagging supply."""
     log, _, search = searched
     return log, search.base, search.beliefs().best(("SupplySag",)).fit
 
@@ -85,7 +87,7 @@ def term(argument, size, gain=200.0):
 
 
 def left(gain=200.0):
-    """A remainder that a force along the way describes."""
+    """Return a residual that is described by a force along the rover's heading."""
     place = Argument("place", "m", lambda scene, run, part: 0, Polynomial(0.0, 1.0, 2))
     moment = Argument("moment", "s", lambda scene, run, part: 0, Hats((0.0, 2.5, 5.0)), per_run=True)
     run = Argument("run", "", lambda scene, run, part: 0, Polynomial(0.0, 1.0, 0), per_run=True)
@@ -96,7 +98,7 @@ def left(gain=200.0):
 
 @pytest.fixture(scope="session")
 def verdict(searched):
-    """What the loop says of that log, a remainder made here besides."""
+    """Return the verdict of the search on the drive log, with an additional residual that was made for the tests."""
     _, question, search = searched
     loop_verdict = verdict_of(question, search.beliefs(), lambda message: None)
     assert loop_verdict.named == ("SupplySag",)
@@ -111,7 +113,7 @@ def verdict(searched):
 
 @pytest.fixture(scope="session")
 def answered(verdict):
-    """Return the same with another answer."""
+    """Return a copy of a verdict with another answer."""
 
     def made(answer):
         base = verdict.beliefs.best(())

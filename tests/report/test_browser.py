@@ -1,4 +1,6 @@
-"""The page in a real browser: nothing in its console, nothing asked for outside, no sideways scrolling on a phone."""
+"""The report page in a real browser: the console stays empty, nothing is loaded from outside, and a phone needs no
+sideways scrolling.
+"""
 
 import html
 import json
@@ -19,7 +21,7 @@ SECONDS = 120
 
 
 def found():
-    """Return the browser on the path; a test that has none is skipped, and says so."""
+    """Return the browser on the path. If there is none, skip the test and state the reason."""
     program = next((shutil.which(name) for name in NAMES if shutil.which(name)), None)
     if program is None:
         pytest.skip(f"no browser on the path: none of {', '.join(NAMES)}")
@@ -27,7 +29,7 @@ def found():
 
 
 def ran(*words, profile):
-    """Run it until it ends by itself; return what it printed and what it logged."""
+    """Run the browser until it ends by itself, and return its output and its log."""
     still = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run",
              "--disable-background-networking", "--virtual-time-budget=3000")  # fmt: skip
     done = subprocess.run(
@@ -52,7 +54,9 @@ LOOKED = """
 
 
 def framed(page, width, height, script=LOOKED):
-    """Return a page that shows another as wide as a phone, and writes how far that one reaches and what it loads."""
+    """Return a page that shows another page as wide as a phone, and that writes the width of its content and its
+    requests.
+    """
     head = "const frame = document.getElementById('f'), said = document.createElement('pre');"
     head += "said.id = 'said'; document.body.append(said);"
     return (

@@ -1,4 +1,6 @@
-"""The page of a drive log's verdict: what stands in it for every answer, and what its tables and pictures say."""
+"""The page of a verdict on a drive log: its sections for each kind of answer, and the content of its tables and
+pictures.
+"""
 
 import dataclasses
 import re
@@ -102,7 +104,9 @@ def test_without_viser_the_page_says_what_the_scene_takes(sag_fits, verdict, mon
 
 
 def test_every_run_left_out_has_its_line(sag_fits, verdict):
-    """The misfit of all runs is that of their blocks, and falls with the effect; the interval holds the change."""
+    """The chi2 of all runs follows from their half-second means, it falls with the added effect, and the interval
+    contains the change.
+    """
     _, before, after = sag_fits
     was, now = together(verdict.runs)
     count = sum(changed_verdict.blocks for changed_verdict in verdict.runs)
@@ -117,7 +121,9 @@ def test_every_run_left_out_has_its_line(sag_fits, verdict):
 
 
 def test_sizes_that_would_show(verdict):
-    """3 SD of a size beside the sag, which all that is probable contains; a torque limit is a threshold."""
+    """The smallest detectable size is 3 SD of the size next to the sagging supply, which every probable hypothesis
+    contains. A torque limit is a threshold and has no such size.
+    """
     sensitivity_table = sensitivities(verdict.beliefs, verdict.named)
     assert list(sensitivity_table) == ["GearFriction", "WeakMotor"]
     beside = verdict.beliefs.best(("SupplySag", "WeakMotor[4]"))
@@ -130,7 +136,9 @@ def test_sizes_that_would_show(verdict):
 
 
 def test_contribution_of_an_effect_is_the_prediction_without_it(sag_fits, verdict):
-    """The bus voltage falls by R_b times the current of all motors: Ohm's law, not the package's sum."""
+    """The bus voltage falls by R_b times the current of all motors. The test computes this by Ohm's law and not by the
+    package.
+    """
     experiment, after = sag_fits[1].task.experiment, sag_fits[2]
     first = channel_changes(after, "SupplySag")[0]
     assert first.channel == "battery_V"
@@ -156,7 +164,7 @@ def test_at_full_duty_the_bus_drops_and_the_rover_slows(verdict):
 
 
 def test_numbers_name_the_one_they_go_with_most(verdict):
-    """The correlation is that of (J^T W J + priors)^-1, here of a finite sum over its rows."""
+    """The correlations follow from (J^T W J + priors)^-1, which the test computes as a finite sum over the rows."""
     fitted = verdict.after.fit
     correlated = most_correlated(fitted)
     names = [parameter.name for parameter in fitted.parameters]
@@ -175,7 +183,9 @@ def test_numbers_name_the_one_they_go_with_most(verdict):
 
 
 def test_the_first_picture_is_where_what_was_added_shows(sag_fits, verdict):
-    """A sagging supply shows in the bus voltage; its drawn means are those of the residual, and fall to nothing."""
+    """A sagging supply changes the bus voltage most. The drawn means are the means of the residual, and fall to zero
+    with the effect.
+    """
     sides = sides_of(verdict)
     channel_shown = channel_to_show(sides)
     assert channel_shown.channel == "battery_V"

@@ -1,4 +1,6 @@
-"""The first screen: a short sentence, the causes with their numbers, reasons for and against, what to drive next."""
+"""The first screen of a report: a short sentence, the causes with their numbers, reasons for and against, and the next
+run.
+"""
 
 import dataclasses
 import math
@@ -40,7 +42,7 @@ PULL = score("drawbar pull", "N", 0.75, 0.55, -0.6, 0.4, floor=0.3)
 
 @pytest.fixture
 def rig(verdict):
-    """A rig's verdict as the sentence needs it."""
+    """Return a verdict on wheel-rig data with the fields that the sentences need."""
     named = {"named": ("SlipSinkage",), "indistinguishable": ("SlipSinkage",), "effects": ()}
     return dataclasses.replace(verdict, kind="wheel-rig", scores=(PULL, SINKAGE), **named)
 
@@ -54,7 +56,7 @@ def test_rig_sentence_states_error_reduction_and_reason(rig):
 
 
 def test_the_full_answer_states_cause_size_and_confidence(verdict):
-    """Numbers with unit and interval are those of the fit; the probability is that of the beliefs."""
+    """Numbers, units and intervals are those of the fit, and the probability is that of the beliefs."""
     said = full_answer(dataclasses.replace(verdict, beyond_noise={}), labels_of(verdict))
     assert said.startswith("The bus voltage drops with the current that all motors draw (supply sag): R_b = ")
     for number in (number for number in verdict.after.numbers if number.name.startswith("SupplySag.")):
@@ -65,7 +67,9 @@ def test_the_full_answer_states_cause_size_and_confidence(verdict):
 
 
 def test_a_residual_beyond_the_noise_is_stated_whatever_was_named(verdict):
-    """Every channel beyond 3 times its noise is something that acts: the largest are named, the others counted."""
+    """If the residual of a channel exceeds 3 times its noise, something else acts. The channels with the largest
+    residuals are named, and the others are counted.
+    """
     beyond = {"wheel_rate_fl": 6.04, "path": 3.7, "wheel_rate_fr": 5.1, "body_z": 3.2, "body_roll": 3.1}
     manner = labels_of(verdict)
     small, large = (dataclasses.replace(verdict, beyond_noise=ratios) for ratios in ({}, beyond))
@@ -87,7 +91,7 @@ def test_what_held_out_data_contradict_is_stated(answered, answer):
 
 
 def test_the_full_answer_states_the_size_of_each_of_a_set(rig):
-    """Sets that cannot be distinguished are equivalents: this much of one, or that much of another."""
+    """If the data cannot distinguish several causes, the answer states the size that each of them would have."""
     tilt = Number("GravityTilt.angle", "rad", 0.029, 0.02, 0.04, float("nan"))
     sets = {"indistinguishable": ("SlipSinkage", "GravityTilt"), "others": {"GravityTilt": Alternative((tilt,), {})}}
     said = full_answer(dataclasses.replace(rig, answer=Answer.SET, beliefs=None, **sets), RIG)
@@ -99,7 +103,9 @@ SINKS = Number("SlipSinkage.n_1", "", 1.5, 0.9, 2.0, float("nan"), closed=False)
 
 
 def with_sets(rig, probabilities, others, more=0.0):
-    """Return the rig's verdict with these probabilities of sets, and with these held-out errors of other sets."""
+    """Return the verdict on wheel-rig data with other probabilities of the sets of causes, and with other held-out
+    errors.
+    """
     beliefs = SimpleNamespace(
         sets={frozenset(names): p for names, p in probabilities.items()},
         hypotheses=(),
@@ -118,7 +124,7 @@ MANY = {("SlipSinkage",): 0.4, ("PostPeak",): 0.004, ("GravityTilt",): 0.2, ("Tr
 
 
 def test_the_most_probable_of_many_sets_are_listed(rig):
-    """That nothing is missing may be the most probable of many sets all the same."""
+    """The empty set (nothing is missing) may be the most probable of many sets, and is then listed too."""
     left = with_sets(rig, MANY, {})
     said = full_answer(left, RIG)
     assert re.findall(r"probability ([\d.]+\d)", said) == ["0.40", "0.28", "0.20", "0.10"]
@@ -167,7 +173,7 @@ def test_the_table_has_size_probability_and_errors_of_each_set_and_of_the_base_m
 
 @pytest.mark.parametrize("count", [1, 2, 3, 6, 12])
 def test_the_headline_stays_short_however_many_causes_act(rig, count):
-    """Long sets, each of several effects: the sentence then counts what it cannot name."""
+    """If there are many sets with several effects each, the headline counts the effects that it cannot name."""
     kinds = sorted(kind.__name__ for kind in package_effects())
     held = {("SlipSinkage",): 0.5}
     held |= {tuple(kinds[3 * at : 3 * at + 3]): 0.4 / count for at in range(count)}

@@ -1,4 +1,6 @@
-"""What every page keeps to: contents that lead somewhere, headed tables, pictures with words, contrast, no network."""
+"""Rules for every report page: links of the contents have targets, tables have headings, pictures have texts, colours
+have contrast, and nothing is loaded from the network.
+"""
 
 import re
 from html.parser import HTMLParser
@@ -20,7 +22,7 @@ CSS, ZOOM = ((Path(page_module.__file__).parent / name).read_text(encoding="utf-
 
 
 class Seen(HTMLParser):
-    """The tags of a page with their attributes, and the text of headings."""
+    """A parser that collects the tags of a page with their attributes, and the texts of its headings."""
 
     def __init__(self, text):
         super().__init__()
@@ -54,7 +56,7 @@ def page(request, sag_fits, answered, tmp_path_factory):
 
 
 def without_scene(text):
-    """A page without the scene in it, which is another page."""
+    """Return a page without its 3D scene, because the scene is a page of its own."""
     return re.sub(r'data-page="[^"]*"', "", text)
 
 
@@ -110,7 +112,7 @@ def test_the_first_heading_is_the_sentence_and_none_is_skipped(page):
 
 
 def luminance(colour):
-    """Relative luminance of WCAG 2.1, 1.4.3."""
+    """Return the relative luminance of a colour, as defined in WCAG 2.1."""
     parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
     linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
@@ -137,7 +139,7 @@ def test_docstrings_show_their_code_and_no_tags():
 
 
 def test_the_key_of_a_picture_fits_beside_its_panel():
-    """Two or three long names ran out of the picture on both sides."""
+    """Two or three long names in a legend must not extend beyond the picture."""
     points = np.array([[1.0], [2.0]])
     bed = SimpleNamespace(channels=("pull",), observed=points, unit=lambda name: "N")
     fitted, added = (

@@ -1,4 +1,6 @@
-"""Residuals are measured minus predicted: hand-made sets of known sign through every table and figure that shows it."""
+"""Residuals are measured minus predicted. Data with a residual of known sign are followed through every table and
+figure.
+"""
 
 from types import SimpleNamespace
 
@@ -29,7 +31,9 @@ def test_model_that_predicts_too_little_has_a_positive_residual():
 
 @pytest.fixture(scope="module")
 def deeper():
-    """A set that sinks deeper with slip than the model does, by -4 mm to +4 mm, and pulls as the model."""
+    """Return a data set whose sinkage differs from the model's by -4 mm to +4 mm, increasing with slip, and whose pull
+    is the model's.
+    """
     random = np.random.default_rng(0)
     rise = 4 * (rig.slip() / 0.35 - 1)
     rows = np.concatenate([np.zeros(rig.RUNS), rise]) + 0.1 * random.normal(size=2 * rig.RUNS)
@@ -73,7 +77,9 @@ def test_the_figure_of_what_is_left_has_the_sign(deeper):
 
 
 def test_the_draft_of_what_is_left_takes_it_away(deeper, tmp_path):
-    """Its depth is that of the contact less what is missing: h + (measured - model) is what the rig shows."""
+    """The drafted effect adds the residual to the sinkage of the contact: h + (measured - model) is the reading of the
+    rig.
+    """
     rig_set, verdict = deeper
     described = rig_set.sets[0], verdict.extra.before.residuals
     drafted = draft_effect(*described)
@@ -87,7 +93,9 @@ def test_the_draft_of_what_is_left_takes_it_away(deeper, tmp_path):
 
 @pytest.fixture(scope="module")
 def faster():
-    """A log whose current exceeds the model's by 3 SD times duty, about its mean, and a way as modelled."""
+    """Return a log whose currents exceed the model's by 3 SD times the duty, about their mean, and whose motion is the
+    model's.
+    """
     random = np.random.default_rng(1)
     free = drive.nuisances()
     columns = drive.slopes(random, free, size=1e-3)

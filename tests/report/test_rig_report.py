@@ -1,4 +1,6 @@
-"""The page of a rig's verdict: levels by their meaning, models under the load of each point, signs that agree."""
+"""The page of a verdict on wheel-rig data: slip levels have meanings, models are drawn under the load of each point,
+and signs agree.
+"""
 
 import numpy as np
 import pytest
@@ -43,7 +45,7 @@ def test_levels_at_slip_angles_say_them(tmp_path):
 
 
 def test_the_model_is_drawn_under_the_load_of_each_point(tmp_path):
-    """At S = -0.7 the load is a third lighter: there the curve is what the model predicts for that load."""
+    """At S = -0.7 the load is smaller by a third. The curve there is the model's prediction for this load."""
     data = written(tmp_path, (14.0, 21.0, 21.0, 21.0))
     model = RigModel(Wheel(), SOILS["dry-sand"])
     figure = channel_panels(data, looks(model, None, ""))[1]
@@ -55,7 +57,7 @@ def test_the_model_is_drawn_under_the_load_of_each_point(tmp_path):
 
 
 def test_offset_quadratic_in_the_load_is_described_and_drafted(tmp_path):
-    """As a load cell may have it: what is left is 2 w + 12 w^2 N, w = W / mean W - 1, at every slip."""
+    """A load cell may have such an offset: the residual is 2 w + 12 w^2 N at every slip, with w = W / mean W - 1."""
     slips, loads = np.repeat([0.0, 0.2, 0.4, 0.6], 3), np.tile([20.0, 30.0, 40.0], 4)
     data = written(tmp_path, loads, slips=slips)
     w = loads / 30.0 - 1

@@ -1,4 +1,6 @@
-"""What verdicts say of numbers, intervals and changes: nothing added is no change, no interval is no certainty."""
+"""Words of a verdict for numbers, intervals and changes: no change is claimed without an added effect, and no certainty
+without an interval.
+"""
 
 import dataclasses
 import math
@@ -84,7 +86,7 @@ def test_an_interval_without_width_is_none():
     ],
 )
 def test_units_scale_with_the_number(value, unit, message):
-    """No number of a unit that takes a prefix has zeros or powers of ten before its digits."""
+    """A number with a unit that takes a prefix has neither leading zeros nor a power of ten."""
     assert format_value(value, unit) == message
     factor, _ = in_words(unit, value)
     assert message == "not predicted" or float(message.split()[0]) == pytest.approx(factor * value)
@@ -116,7 +118,7 @@ def test_an_interval_that_covers_everything_says_nothing(ends, covered, says):
 
 
 def test_undetermined_constant_agrees_with_nothing():
-    """phi moves the channels of this set by a thousandth of their noise over all that is allowed of it."""
+    """Over its whole range, phi changes the channels of this set by a thousandth of their noise only."""
     random = np.random.default_rng(0)
     laws = {"soil.phi": rig.law_of("soil.phi", np.full(2 * rig.RUNS, 1e-4))}
     rig_set = rig.made(random.normal(size=2 * rig.RUNS), laws, ("soil.phi",))
@@ -135,7 +137,7 @@ def test_undetermined_constant_agrees_with_nothing():
 
 @pytest.fixture(scope="module")
 def nothing():
-    """A rig verdict on noise: no effect is needed."""
+    """Return a verdict on simulated rig data that contain only noise: no effect is needed."""
     random = np.random.default_rng(0)
     rows, slope = (random.normal(size=2 * rig.RUNS) for _ in range(2))
     verdict = verdict_on(RigData(rig.made(rows, {"soil.phi": rig.law_of("soil.phi", slope)}), rig.MODEL))
@@ -147,7 +149,9 @@ def nothing():
 
 
 def test_undetermined_number_has_its_bounds_as_interval():
-    """Beside one that is told a million times better: a plain pseudo-inverse gave it the variance 0."""
+    """Next to a number that the data determine a million times better, a plain pseudo-inverse would give the variance
+    0.
+    """
     random = np.random.default_rng(0)
     columns = np.zeros((60, 2))
     columns[:, 0] = 1e8 * random.normal(size=60)
@@ -170,7 +174,9 @@ def test_a_rigs_page_says_what_is_in_its_model_file(nothing, tmp_path):
 
 
 def scores():
-    """One gain beyond the scatter, one loss, one change within it."""
+    """Return the scores of three channels: a gain beyond the scatter, a loss beyond the scatter, and a change within
+    the scatter.
+    """
     rows = {
         "sinkage": (3e-3, 1e-3, -0.8, -0.5),
         "torque": (3e-3, 6e-3, 0.5, 1.5),

@@ -1,4 +1,5 @@
-"""Interval arithmetic over a CasADi function's instructions: what no point of many boxes can make of any of them."""
+"""Interval arithmetic for CasADi functions: bounds of the values that a function can have in many boxes of
+its inputs."""
 
 from typing import NamedTuple
 
@@ -17,20 +18,26 @@ LARGEST = np.finfo(float).max
 
 
 class Fault(NamedTuple):
-    """An instruction whose argument may lie where the operation has no value, and the interval of that (2, boxes)."""
+    """An operation whose argument may lie where the operation is undefined, and the interval of this argument (2,
+    boxes).
+    """
 
     operation: str
     argument: np.ndarray
 
 
 def outward(low, high):
-    """Return the interval wider by two units in the last place: what rounding and functions may be off."""
+    """Return an interval that is wider by two units in the last place, to include round-off and errors of elementary
+    functions.
+    """
     low, high = (np.nextafter(np.nextafter(end, way), way) for end, way in ((low, -np.inf), (high, np.inf)))
     return np.array([low, high])
 
 
 def hull(*values):
-    """Return the interval of all corners; 0 times infinity is 0, for infinity is only a bound."""
+    """Return the interval that contains all corners. The product of 0 and infinity counts as 0, because infinity is
+    only a bound here.
+    """
     corners = np.nan_to_num(np.array(values), nan=0.0, posinf=np.inf, neginf=-np.inf)
     return outward(corners.min(axis=0), corners.max(axis=0))
 
@@ -51,7 +58,7 @@ def _inverse(a):
 
 
 def _power(a, b):
-    """Return a^b by exp(b log a), a >= 0; a whole constant b has every a."""
+    """Return the interval of a^b = exp(b log a) for a >= 0. If b is a whole constant, a may have any sign."""
     if (b[0] == b[1]).all() and float(b[0][0]).is_integer() and b[0][0] >= 0.0:
         product_so_far = np.ones_like(a)
         for _ in range(int(b[0][0]) // 2):
@@ -144,13 +151,15 @@ def _of_two(name, a, b):
 
 
 def _held(a):
-    """Return whether a number is not 0, as an interval."""
+    """Return whether a number differs from 0, as an interval."""
     return 1.0 - _of_one("NOT", a)[::-1]
 
 
 @np.errstate(all="ignore")
 def evaluate(function, boxes):
-    """Return what a function's output may be (2, places, n) over boxes of its inputs (2, inputs, n), and all faults."""
+    """Return the interval of a function's outputs (2, outputs, n) for boxes of its inputs (2, inputs, n), and all
+    faults.
+    """
     starts = np.cumsum([0, *(function.numel_in(i) for i in range(function.n_in()))])
     work, orders, faults, out = {}, {}, [], {}
     for k in range(function.n_instructions()):
@@ -180,7 +189,9 @@ def evaluate(function, boxes):
 
 
 def _undefined(name, of):
-    """Return in which boxes an operation may have no value: x / 0, log 0, a pole, a root of what is below 0."""
+    """Return a mask of the boxes in which an operation may be undefined: x / 0, log 0, a pole, or the root of a
+    negative number.
+    """
     low, high = DOMAIN.get(name, (-np.inf, np.inf))
     wrong = (of[0][0] < low) | (of[0][1] > high)
     if name in ("DIV", "INV"):

@@ -1,4 +1,4 @@
-"""Models and states in which the compiled step meets every branch that it has."""
+"""Models and states that together reach every branch of the compiled step."""
 
 import dataclasses
 import math
@@ -37,7 +37,7 @@ def model(terrain, slip, traction=SoilTraction(), soil=GRIPPY, rover=ROVER):
 
 
 def narrow_in_front(rover):
-    """The rover with front wheels of half the width."""
+    """Return the rover with front wheels of half the width."""
     front = max(mount.axle for mount in rover.wheels)
     narrow = rover.wheel.replace(b=rover.wheel.b / 2)
     mounts = (dataclasses.replace(wheel, wheel=narrow) if wheel.axle == front else wheel for wheel in rover.wheels)
@@ -88,7 +88,7 @@ DUTY = {"held": 0.0, "held, eq-1": 0.0}
 
 
 def bent(state):
-    """Bend bogies past their stops, one way and the other, one of them on its way back."""
+    """Bend the bogies beyond their end stops in both directions; one of them moves back."""
     bends = (("bogie_l", 0.7, 0.3), ("bogie_r", -0.7, 4.0), ("rocker_l", 0.4, 0.1), ("rocker_r", -0.4, -0.1))
     for joint, angle, rate in bends:
         place = ROVER.angles[joint]
@@ -98,7 +98,9 @@ def bent(state):
 
 
 def stirred(example, state):
-    """Every joint bent and turning, every shear another, and all but a wheel or two pressed into the ground."""
+    """Return a state in which every joint is bent and moves, all shears differ, and most wheels are pressed into the
+    ground.
+    """
     rng, rows = np.random.default_rng(11), constraint_rows(ROVER)
     free = np.eye(len(state.v)) - np.linalg.pinv(rows) @ rows
     state.q[:] = pin.integrate(ROVER.model, state.q, free @ (0.005 * rng.normal(size=len(state.v))))

@@ -1,4 +1,4 @@
-"""Drives drawn at random over the declared bounds of everything in them: drive(seed) is always the same one."""
+"""Random drives within the declared bounds of all their numbers. `drive(seed)` always returns the same drive."""
 
 import dataclasses
 import math
@@ -67,7 +67,7 @@ def log_uniform(rng, low, high):
 
 
 def number(rng, default, changes):
-    """A number of a quantity: near its default, or from anywhere in its range."""
+    """Return a random number of a quantity: near its default, or anywhere in its range."""
     low, high = max(changes.low, -1e9), min(changes.high, 1e9)
     if rng.random() < WIDE:
         if low == 0.0:
@@ -78,7 +78,9 @@ def number(rng, default, changes):
 
 
 def drawn(rng, record):
-    """A record with every number drawn; what names a wheel or a place stays, and the exponent with which u fades."""
+    """Return a record with random numbers. Fields that name a wheel or a place, and the exponent with which u fades,
+    are kept.
+    """
     named = {
         name: number(rng, float(getattr(record, name)), quantity)
         for name, quantity in quantities(record).items()
@@ -88,7 +90,7 @@ def drawn(rng, record):
 
 
 def soil(rng):
-    """A soil from anywhere in its declared bounds; zeros and negative moduli among them."""
+    """Return a soil with random numbers within its declared bounds, including zeros and negative moduli."""
     bounds = quantities(Soil)
     drawn = {}
     for name in ("c", "k", "n", "theta_1", "exit_ratio"):
@@ -102,7 +104,9 @@ def soil(rng):
 
 
 def moduli(rng, bounds):
-    """k_1 alone, k_2 alone, or both, one of them negative in every other; now and then from anywhere at all."""
+    """Return random k_1 and k_2: one of them alone, both, or (in every second case of both) one of them negative. Some
+    are anywhere in their range.
+    """
     k_1, k_2 = log_uniform(rng, 1e3, bounds["k_1"].high), log_uniform(rng, 1e4, bounds["k_2"].high)
     kind = rng.integers(6)
     if kind == 0:
@@ -137,7 +141,7 @@ def terrain(rng):
 
 
 def wheels_of(rng, rover):
-    """The rover with other wheels, by up to a tenth: its legs stay as they are."""
+    """Return the rover with wheel sizes that are changed by up to a tenth. The suspension is not changed."""
     size = float(rng.uniform(0.9, 1.1))
     mounts = (
         dataclasses.replace(wheel, wheel=Wheel(r=wheel.wheel.r * size, b=wheel.wheel.b * size))
@@ -161,7 +165,7 @@ def controller(rng, model):
 
 
 def drive(seed):
-    """Return a drive: rover, wheels, load, terrain, soils, motor, effects, gravity, controller and start."""
+    """Return a random drive: rover, wheels, load, terrain, soils, motor, effects, gravity, controller and start."""
     rng = np.random.default_rng(seed)
     slip, form, angles, more = STRUCTURES[rng.integers(len(STRUCTURES))]
     rover = wheels_of(rng, load_rover("nexus6" if PivotFriction in more else ("nexus6", "cart")[rng.integers(2)]))

@@ -1,4 +1,4 @@
-"""The times of a drive: whole multiples of the step, and a default that keeps what its docstring says."""
+"""The times of a drive are whole multiples of the step, and the default tolerance is kept."""
 
 import dataclasses
 import math
@@ -74,7 +74,7 @@ def x_at(case, dt):
 
 @pytest.mark.parametrize("name", DITCHES)
 def test_x_is_within_the_stated_distance_of_finer_steps(name):
-    """Slip that does not lag asks for a finer step, which is found by measuring."""
+    """A slip law without lag needs a finer step, which the measured error finds."""
     case, lags = DITCHES[name], name != "without a lag of slip"
     exact, driven = x_at(case, DT / 32), case.drive()
     assert driven["body_x"] == pytest.approx(exact, abs=driven.attrs["step_error_m"])
@@ -83,7 +83,7 @@ def test_x_is_within_the_stated_distance_of_finer_steps(name):
 
 
 def test_rows_and_readings_are_of_their_instant():
-    """Under slip control a lag by a step moves x by 0.14 mm, and the loads by 6e-5."""
+    """Under slip control, a delay by one step would change x by 0.14 mm, and the loads by a relative 6e-5."""
     case = scenario("ditch", control="true", duration=8.0, dt=0.005)
     finer = dataclasses.replace(case, timing=dataclasses.replace(case.timing, divided=16))
     coarse, fine = (trace.drive(measure_error=False) for trace in (case, finer))

@@ -1,4 +1,6 @@
-"""The law of what acts on the body against plain numbers: kinematics by SciPy, slopes by differences."""
+"""The compiled law of the body effects is compared with plain numbers: SciPy computes the kinematics, and differences
+give the derivatives.
+"""
 
 from dataclasses import dataclass
 
@@ -16,7 +18,7 @@ M = 6 + JOINTS.number
 
 @dataclass(frozen=True)
 class Everything(BodyEffect):
-    """Pushes with products of all that it sees, none of which is alike."""
+    """A body effect whose force and moments contain a different product of every quantity that an effect can use."""
 
     def push(self, body):
         """Return them."""
@@ -35,7 +37,7 @@ class Everything(BodyEffect):
 
 @dataclass(frozen=True)
 class Lift(BodyEffect):
-    """Pushes upwards, and on no joint."""
+    """A body effect that pushes upwards and acts on no joint."""
 
     def push(self, body):
         """Return it."""
@@ -51,7 +53,7 @@ EFFECTS = (Everything(), Lift())
 
 @dataclass
 class Seen:
-    """A rover's configuration and speeds."""
+    """The configuration and the speeds of a rover."""
 
     place: np.ndarray
     turn: Rotation
@@ -69,7 +71,9 @@ class Seen:
         )  # fmt: skip
 
     def force(self, known_values):
-        """Return the generalised force, last the differential's torque, which both rockers feel."""
+        """Return the generalised force. Its last entry is the torque of the differential, which acts on both
+        rockers.
+        """
         pushes = [effect.push(self.body(known_values)) for effect in EFFECTS]
         turn, torques = self.turn.inv(), np.array(pushes[0].joints)
         torques[[0, 2]] += pushes[0].differential
@@ -77,7 +81,7 @@ class Seen:
         return np.r_[turn.apply(force), turn.apply(moment), torques, pushes[0].differential]
 
     def moved(self, speeds, time):
-        """Return where these speeds (base, joints) lead, the attitude as it is."""
+        """Return the state to which these speeds (base, joints) lead, with unchanged attitude."""
         return Seen(
             self.place + time * self.turn.apply(speeds[:3]), self.turn, self.speed, self.angles + time * speeds[6:],
             self.rates,
@@ -117,7 +121,9 @@ def test_force_is_the_push_of_the_effects_in_base_axes(recorder):
 
 @pytest.mark.parametrize("half", [0.01, 0.25])
 def test_what_moves_within_the_step_is_taken_to_its_end(recorder, half):
-    """F + h dF/dq q' and dF/du + h dF/dq dq'/du, by differences; rates that are known are not differentiated."""
+    """The expected values F + h dF/dq q' and dF/du + h dF/dq dq'/du come from differences. Rates that are known are not
+    differentiated.
+    """
     force, slope = split(recorder, half)
     force_now, rates = recorder.force(recorder.rates), recorder.rates
     drift = difference(lambda by: recorder.moved(by, 1.0).force(rates))
@@ -129,7 +135,7 @@ def test_what_moves_within_the_step_is_taken_to_its_end(recorder, half):
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_an_attitude_on_edge_is_no_nan(way):
-    """Round-off beyond sin(pitch) = 1; a quaternion whose square is a little more than 1."""
+    """Round-off may give sin(pitch) slightly above 1, or a quaternion whose norm is slightly above 1."""
     on_edge = np.r_[np.zeros(3), np.array([0.0, way, 0.0, 1.0]) * np.sqrt(0.5) * (1.0 + 1e-9), np.zeros(3)]
     energy = elastic_energy((Everything(),), JOINTS)(on_edge[:7], [0.0, 2.0, 0.0])
     assert float(energy) == pytest.approx(way * np.pi)

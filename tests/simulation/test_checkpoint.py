@@ -1,4 +1,5 @@
-"""A drive in two parts against the same in one: to the bit, states of effects and controllers included."""
+"""A drive in several parts equals the uninterrupted drive to the bit, including the states of effects and
+controllers."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ def case_of(name, **settings):
 
 
 def asked(controller):
-    """A controller with a memory that the loop must ask."""
+    """A controller with a memory that the compiled loop must call from Python."""
 
     class Kept:
         def reset(self):

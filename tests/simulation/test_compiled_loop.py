@@ -1,4 +1,4 @@
-"""The compiled loop against the plain one, which shares with it nothing but the step."""
+"""The compiled loop is compared with the plain loop, which shares only the step with it."""
 
 import math
 from types import SimpleNamespace
@@ -44,7 +44,7 @@ def swept():
 
 
 def both(case, timing):
-    """The same drive by the compiled loop and by the plain one, both over the compiled step."""
+    """Return the traces of one drive by the compiled loop and by the plain loop, both with the compiled step."""
     traces = []
     for run in (run_compiled, run_plain):
         state = settled_state(case.model, case.start)
@@ -78,7 +78,7 @@ def test_both_loops_drive_alike(name, monkeypatch):
 
 
 def plain_replay(model, run, nudge, rest_state, step=Kernel):
-    """A replay row after row in Python, as `replay` says it is done; return the rows."""
+    """Replay a log row by row in Python, as the docstring of `replay` describes it, and return the rows."""
     state = taken_over(model, rest_state)
     model = model.begin_at(run.start.x, run.start.y)
     kernel = step(model, state, DT, symmetric=False)
@@ -161,7 +161,7 @@ def test_a_replay_is_the_plain_one(kind):
 
 
 def held(run, trace, model):
-    """The same run with the wheels held to the rates that the trace has of them."""
+    """Return the run with the wheels held to the rates in the trace."""
     bare = Trace({name: trace[name] for name in trace if not name.startswith("duty_")}, {}, dict(trace.attrs))
     steered = tuple(wheel.name for wheel in model.rover.wheels if wheel.steer_dof is not None)
     return replays.commands(bare, tuple(wheel.name for wheel in model.rover.wheels), steered)
@@ -197,7 +197,9 @@ def test_held_rates_reproduce_the_drive_made_by_the_motors():
 
 
 def test_what_holds_the_wheels_enters_the_balance_of_energy():
-    """Kinetic and potential energy change by what the holding torques do, less what the soil takes."""
+    """The change of kinetic and potential energy equals the work of the torques that hold the wheels, minus the energy
+    that the soil takes.
+    """
     case, run = logged("ditch", 4.0)
     run = held(run, case.drive(), case.model)
     state = settled_state(case.model, run.start)
@@ -245,7 +247,7 @@ def test_a_drive_that_goes_on_asks_where_it_ended(steps):
 
 
 class Fixed:
-    """A controller that is built in, of so many wheels and servos."""
+    """A built-in controller that returns commands for a given number of wheels and servos."""
 
     def __init__(self, duty, steer):
         self.commands = CompiledController(duty=duty, steer=steer)
@@ -270,7 +272,7 @@ class Fixed:
     ],
 )
 def test_commands_of_another_rover_are_asked_for(duty, steer, servos, fits):
-    """That refuses them; where nothing steers angles are not read."""
+    """Commands for another number of wheels are refused by Python. If nothing steers, angles are not read."""
     controller = Fixed(duty, steer)
     assert commands_of(controller, 6, servos) is (controller.commands if fits else None)
 

@@ -1,4 +1,6 @@
-"""What a rover drives with where nothing is said: by its own weight and wheels, and told."""
+"""The default motor, soil and terrain of a rover whose files state none: they follow from its weight and wheels, and
+are reported.
+"""
 
 from __future__ import annotations
 
@@ -25,12 +27,14 @@ NEXUS6 = load_rover("nexus6")
 
 @pytest.fixture
 def rover_file(tmp_path):
-    """A six-wheeled rover of 55 kg on wheels of 150 mm, whose TOML says neither motor nor soil."""
+    """Write a six-wheeled rover of 55 kg on wheels of radius 150 mm whose TOML states neither a motor nor a soil."""
     return made.write(tmp_path, made.rocker_bogie(), {**made.THREE_AXLES, **made.ROCKERS})
 
 
 def test_the_rule_for_the_soil_gives_nexus_6_its_own():
-    """Table 1's k_1 was assumed by that rule; 3e-3 is the round 5.8 kg, 9.81 and the angle of the load."""
+    """The rule gives Nexus 6 the k_1 of Table 1. The tolerance 3e-3 covers the rounded mass 5.8 kg, the rounded 9.81
+    m/s^2 and the angle of the load.
+    """
     soil, source = own_soil(dataclasses.replace(NEXUS6, soil={}))
     assert float(soil.k_1) == pytest.approx(float(SOILS["table-1"].k_1), rel=1e-4)
     assert re.search("table-1 with k = 50 mm.*k_1 = 5.42e\\+04 Pa", source[0])
@@ -38,7 +42,9 @@ def test_the_rule_for_the_soil_gives_nexus_6_its_own():
 
 @pytest.mark.parametrize("rover", ["nexus6", "nexus6_links", "cart"])
 def test_on_slope_sand_rovers_slip_as_measured_wheels_do(rover):
-    """0.2 on 10 to 14 deg (Ding et al. 2011, Fig 9), not all but 1 as on the paper's sand, which is one word away."""
+    """Measured wheels slip by 0.2 on 10 to 14 deg (Ding et al. 2011, Fig 9). On the paper's sand the slip would be
+    nearly 1.
+    """
     steep = {"terrain.angle_deg": 10.0, "terrain.start": -20.0, "control.delta": 0.7}
 
     def slip(**soil):
@@ -50,7 +56,9 @@ def test_on_slope_sand_rovers_slip_as_measured_wheels_do(rover):
 
 
 def test_the_sized_motor_turns_on_the_spot(rover_file):
-    """Axles at 0.5, -0.05 and -0.55 m, sides 0.8 m apart: thrusts turn it against what is dragged sideways."""
+    """The axles are at 0.5, -0.05 and -0.55 m, and the sides are 0.8 m apart. The thrusts turn the rover against the
+    wheels that are dragged sideways.
+    """
     rover = load_rover(rover_file)
     motor, (assumption,) = own_motor(rover)
     load = rover.mass * 9.81 / 6
@@ -80,7 +88,7 @@ def test_a_data_sheet_is_taken_at_the_wheel(tmp_path):
 
 
 def test_a_heavy_rover_cruises_where_it_is_said_to(rover_file):
-    """R by the rover's own load: without, heavy rovers ran at S < 0."""
+    """R is computed for the rover's own load. With the R of Nexus 6, heavy rovers would drive at S < 0."""
     trace = scenario("flat", rover=str(rover_file)).drive()
     late = trace.t > 0.6 * trace.t[-1]
     assert trace["body_x"][-1] > 0.3
@@ -103,7 +111,7 @@ def test_eq_9_has_the_table_of_the_rover_that_drives(rover_file):
 
 
 def larger(text: str, size: float) -> str:
-    """The URDF of a rover whose lengths are `size` times as large, at one density."""
+    """Return the URDF of a rover whose lengths are multiplied by `size` at equal density."""
 
     def times(power):
         return lambda expected: (
@@ -119,8 +127,9 @@ SIZE = 4.0
 
 
 def test_a_rover_four_times_as_large_drives_the_same_way(tmp_path):
-    """Froude similarity: with a soil of scaled k and c, lengths go by 4, times by 2; whatever kept a number of a
-    smaller rover (servos, stops, relaxation, resistance, motor, soil, ditch) would break it."""
+    """Froude similarity: with scaled k and c of the soil, lengths scale by 4 and times by 2. Any number that was not
+    scaled (servos, stops, relaxation, resistance, motor, soil, ditch) would break the similarity.
+    """
     small = made.rocker_bogie().urdf
     ways = []
     for size in (1.0, SIZE):
@@ -157,7 +166,7 @@ def test_terrains_grow_with_the_wheels_but_for_what_is_asked():
 
 
 def sprung(k_s: float) -> dict:
-    """Rockers on springs instead of a differential."""
+    """Return a rover whose rockers are held by springs instead of a differential."""
     springs = {"rocker": {"k_s": {"value": k_s, "unit": "N m/rad"}, "d": 5.0}}
     return {**made.THREE_AXLES, "suspension": made.ROCKERS["suspension"], "springs": springs}
 
@@ -175,7 +184,7 @@ def test_springs_carry_a_body_that_pivots_would_let_go(tmp_path):
 
 
 def test_a_sprung_rover_settles_where_its_springs_balance(tmp_path):
-    """At rest on its soil: moments about a rocker's pivot by the wheels' loads equal k_s times its angle."""
+    """At rest on the soil, the moment of the wheel loads about a rocker's pivot equals k_s times the rocker's angle."""
     path = made.write(tmp_path, made.rocker_bogie(), sprung(400.0))
     model = scenario("flat", rover=str(path)).model
     assert [effect.joint for effect in model.body_effects] == ["rocker"]

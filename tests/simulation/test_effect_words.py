@@ -1,4 +1,5 @@
-"""Effects in a word: what each word adds, that every effect can be said, and every refusal."""
+"""Effects as words of a command line: the effect of each word, words for every effect, and the refusal of
+wrong words."""
 
 import json
 import math

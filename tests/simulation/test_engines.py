@@ -1,4 +1,4 @@
-"""The engines of a drive: Pinocchio's own algorithms against the compiled step, in whole drives."""
+"""The engines of a drive: whole drives with Pinocchio's own algorithms equal drives with the compiled step."""
 
 import dataclasses
 
@@ -33,14 +33,14 @@ ROUND_OFF = 1e-11
 
 
 def pairs():
-    """Every rover in every scenario, except the cart in `crab`: none of its wheels steers."""
+    """Return every rover in every scenario, except the cart in `crab`, because none of its wheels steers."""
     marks = {pair: () for pair in QUICK} | dict.fromkeys(SPREAD, pytest.mark.slow)
     every = [(rover, scene) for rover in ROVERS for scene in SCENES if (rover, scene) != ("cart", "crab")]
     return [pytest.param(*pair, marks=marks.get(pair, pytest.mark.nightly)) for pair in every]
 
 
 def drives(made, **options):
-    """The trace of every engine, the compiled one first."""
+    """Return the traces of all engines; the compiled engine comes first."""
     return [made.drive(measure_error=False, engine=engine, **options) for engine in ENGINES]
 
 
@@ -58,7 +58,7 @@ def difference(trace, reference):
 
 
 def own_ground(scene, folder):
-    """Settings with a ground of one's own for the scenes that need one: a sill and a wave across the path."""
+    """Return settings with a custom terrain for the scenarios that need one: a sill and a wave across the path."""
     if scene == "polyline":
         (folder / "t.csv").write_text("x_m,z_m\n-9,0\n1.1,0\n1.2,0.03\n1.6,0.03\n1.7,0\n9,0\n")
         return {"terrain.path": str(folder / "t.csv")}
@@ -71,7 +71,7 @@ def own_ground(scene, folder):
 
 @pytest.mark.parametrize(("rover", "scene"), pairs())
 def test_every_engine_drives_alike(rover, scene, tmp_path):
-    """From a start at which the front wheels meet the obstacle."""
+    """The drive starts where the front wheels touch the obstacle."""
     settings = {"rover": rover, "start.x": 0.42 * scale(load_rover(rover)), **own_ground(scene, tmp_path)}
     made = scenario(scene, **settings, duration=0.2 if (rover, scene) in QUICK else 0.5)
     compiled, *others = drives(made)
@@ -124,7 +124,7 @@ def test_an_unknown_engine_is_refused():
 
 
 def sliding_rover(made):
-    """The model's rover, whose bogies slide up and down instead of turning; everything else is the same."""
+    """Return the model's rover with bogies that slide up and down instead of turning; everything else is unchanged."""
     rover = made.rover
     bogies = [rover.angles[name] for name in ("bogie_l", "bogie_r")]
     model, old = pin.Model(), rover.model
@@ -138,7 +138,9 @@ def sliding_rover(made):
 
 
 def test_a_joint_that_the_recursion_does_not_know_needs_pinocchio():
-    """Pinocchio's two algorithms agree there too, and the energy balance holds; the compiled engine names them."""
+    """Both algorithms of Pinocchio agree for this joint, the energy balances, and the error of the compiled engine
+    names these two engines.
+    """
     made = scenario("flat").model
     state = settled_state(made, scenario("flat").start)
     slides = dataclasses.replace(made, rover=sliding_rover(made))

@@ -1,4 +1,6 @@
-"""The estimated ground is the least of the sum that its docstring states, worked out here without its matrices."""
+"""The estimated ground minimises the sum in its docstring. The test computes this sum without the matrices of the
+package.
+"""
 
 import dataclasses
 import math
@@ -18,7 +20,9 @@ SLOPE, HEIGHT, BEND = math.radians(0.5), 0.03, 0.15
 
 
 def drive(seconds=12.0, reach=1.0, without=()):
-    """A winding drive at 10 Hz over waves, whose channels were all measured, with gaps, at a tracker's own zero."""
+    """Return a winding drive over waves at 10 Hz with all channels, with gaps, and with an arbitrary zero of the
+    tracker.
+    """
     random, t = np.random.default_rng(4), 3.0 + 0.1 * np.arange(round(10 * seconds))
     x, y = reach * 0.1 * (t - 3.0), reach * 0.3 * np.sin(0.5 * t)
     channels = {
@@ -39,7 +43,7 @@ def drive(seconds=12.0, reach=1.0, without=()):
 
 
 def halves(run):
-    """Means of half seconds in which x, y and yaw are known, of the rows in which they are."""
+    """Return the means over half seconds in which x, y and yaw are known, from the rows in which they are known."""
     place = np.array([run[f"body_{name}"] for name in ("x", "y", "yaw")])
     is_known = np.isfinite(place).all(axis=0)
     group = np.floor((run.t - run.t[0] + 1e-5) / 0.5)[is_known]
@@ -50,7 +54,7 @@ def halves(run):
 
 
 def sum_of_squares(ground, run, z):
-    """Return what is minimised, of a ground with these heights."""
+    """Return the sum that the estimate minimises, for a ground with these heights."""
     nx, ny = z.shape
     axes = ground.x0 + ground.dx * np.arange(nx), ground.y0 + ground.dy * np.arange(ny)
     look = RegularGridInterpolator(axes, z)
@@ -81,7 +85,9 @@ def sum_of_squares(ground, run, z):
 
 @pytest.mark.parametrize("without", [(), ("body_roll", "body_z"), ("body_pitch", "body_roll"), ("body_z",)])
 def test_no_change_of_its_heights_makes_the_sum_less(without):
-    """The sum is quadratic: its slope along any change of the heights, by a difference, is that of round-off."""
+    """The sum is quadratic, so that its derivative along any change of the heights, computed by a difference, is zero
+    up to round-off.
+    """
     run = drive(without=without)
     ground, random = estimate_surface(run, CART), np.random.default_rng(0)
     z = np.array(ground.z)
@@ -107,7 +113,9 @@ def test_a_turn_in_place_has_a_ground_too():
 
 @pytest.mark.parametrize("slope", [0.12, -0.3])
 def test_a_plank_lies_on_a_plane_as_the_plane_does(slope):
-    """Along its way up it is nose up, which is a negative pitch; across it its right or left side is up."""
+    """A plank that points uphill has its nose up, which is a negative pitch. A plank across the slope has its right or
+    left side up.
+    """
     ground, yaw = incline(slope, -50.0), np.array([0.0, math.pi, 0.5 * math.pi, -0.5 * math.pi])
     poses = level_on(ground, CART, np.column_stack([np.arange(4.0), 0.3 * np.ones(4), yaw]))
     np.testing.assert_allclose(poses["body_pitch"], [-slope, slope, 0.0, 0.0], atol=1e-9)
@@ -117,7 +125,7 @@ def test_a_plank_lies_on_a_plane_as_the_plane_does(slope):
 
 @pytest.mark.parametrize("lost", ["body_x", "body_y", "body_yaw"])
 def test_declared_plane_begins_where_place_and_heading_are_known(lost):
-    """Rows at which one of them is unknown count for neither: as if the drive had begun behind them."""
+    """Rows without a position or without a heading count for neither, as if the drive had begun after them."""
     run = drive(reach=3.0, without=("body_pitch", "body_roll", "body_z"))
     channels = {name: np.array(run[name]) for name in run}
     channels[lost][:20] = np.nan

@@ -1,4 +1,6 @@
-"""When a drive cannot go on: each limit just within and just beyond it, in Python and in the compiled loop."""
+"""Failures that end a drive: each limit is tested just below and just above its value, in Python and in the compiled
+loop.
+"""
 
 import math
 import re
@@ -27,7 +29,7 @@ AT_ONCE = 1e-12
 
 
 def compiled(q, v, height=50.0):
-    """What the compiled loop says of this state at this height [m], after a step in which nothing moves."""
+    """Return the status of the compiled loop for a state at a height [m], after a step in which nothing moves."""
     model = scenario("flat").model
     state = hovering(model, Start())
     state.q[3:], state.v[:] = q[3:], v
@@ -37,7 +39,9 @@ def compiled(q, v, height=50.0):
 
 
 def asked(roll=0.0, pitch=0.0, yaw=0.0, speed=0.0, depth=0.0, joint=0.0, way=1):
-    """Why a rover fails that stands so, rolls so, is so fast [m/s] backwards, whose third wheel has sunk so far [r]."""
+    """Return the failure of a rover with this attitude, this speed [m/s] backwards, and a third wheel that has sunk by
+    this multiple of its radius.
+    """
     q, v = pin.neutral(ROVER.model), np.zeros(ROVER.model.nv)
     q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*np.radians([roll, pitch, yaw]))).coeffs()
     v[way] = -speed
@@ -73,7 +77,7 @@ def test_compiled_loop_measures_burial_by_the_wheel_radius(depth):
 @pytest.mark.parametrize("roll", [8.0, -8.0])
 @pytest.mark.parametrize("pitch", [5.0, -5.0])
 def test_the_compiled_loop_looks_at_every_wheel(roll, pitch):
-    """Rolled and pitched so that one of the corners' wheels alone is deep."""
+    """The rover is rolled and pitched so that only one of its corner wheels is deep in the soil."""
     q, v, at = pin.neutral(ROVER.model), np.zeros(ROVER.model.nv), RECORD.index("sinkage")
     q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*np.radians([roll, pitch, 0.0]))).coeffs()
     height = 0.2

@@ -1,4 +1,4 @@
-"""The first and last piece of a polyline go on wherever a rover may start."""
+"""The first and the last piece of a polyline continue as far as a rover may start."""
 
 import numpy as np
 import pytest
@@ -9,14 +9,14 @@ from rover_pin.terrain.terrain import Lanes, Profile
 
 @pytest.mark.parametrize("x", [-9e5, -1500.0, 1000.9, 1001.5, 9e5])
 def test_level_ground_has_no_end(x):
-    """It ended a kilometre beyond its last point: "tips or sinks there"."""
+    """The ground must not end a kilometre beyond its last point, where a rover would seem to tip over or to sink."""
     there, at_point = (scenario("flat", rover="cart", **{"start.x": at, "duration": 2.0}).drive() for at in (x, 5.0))
     assert there["body_x"][-1] - x == pytest.approx(at_point["body_x"][-1] - 5.0, abs=1e-6)
     assert there["body_z"][-1] == pytest.approx(at_point["body_z"][-1], abs=1e-6)
 
 
 def test_a_drive_goes_on_across_the_extra_points():
-    """They are in line with the piece, so that nothing changes there."""
+    """The additional points lie on the line of the last piece, so that nothing changes there."""
     across, at_point = (
         scenario("flat", rover="cart", **{"start.x": at, "duration": 8.0}).drive() for at in (1000.7, 5.0)
     )

@@ -1,4 +1,6 @@
-"""A drive in other tools and beside the scene says the same: numbers, links, channels, events, keys that step."""
+"""Exports of a drive to other programs, and the panel next to the 3D scene: numbers, links, channels, events and keys
+agree with the drive.
+"""
 
 import io
 import json

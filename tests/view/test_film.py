@@ -1,4 +1,4 @@
-"""A drive as it is shown: links where kinematics have them, wheels that turn, forces that carry the weight."""
+"""The frames of a drive: links have the poses of the kinematics, wheels turn, and forces carry the rover's weight."""
 
 import dataclasses
 import re
@@ -57,7 +57,7 @@ def test_forces_carry_the_weight_and_push_along_the_travel(driven):
 
 @pytest.mark.parametrize("name", ["nexus6", "cart"])
 def test_what_was_not_recorded_is_taken_from_the_ground(name):
-    """A rover set down by the simulator on a slope, its height and attitude forgotten."""
+    """The rover is set down on a slope by the simulator, and its recorded height and attitude are then removed."""
     case = scenario("cross-slope", rover=name, duration=0.2, **{"terrain.angle": "8deg"})
     trace = case.drive()
     names = {name: trace[name] for name in ("t_s", "body_x", "body_y", "body_yaw")}

@@ -1,4 +1,5 @@
-"""The drawn ground is the ground: every corner on it, over the whole box, and each soil where it lies."""
+"""The drawn terrain: every vertex lies on the terrain, the whole rectangle is covered, and soils are at their
+places."""
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ def terrain(request):
 
 
 def test_the_box_is_covered_once(terrain):
-    """The triangles, seen from above, have the area of the box, walls none."""
+    """Seen from above, the triangles have the area of the rectangle; walls have no area."""
     area = 0.0
     for patch in patches(terrain, BOX):
         a, b, c = (patch.vertices[patch.faces[:, i], :2] for i in range(3))

@@ -1,4 +1,6 @@
-"""The page and the moving pictures: whole, of the drive, without a network; what is missing is said before any work."""
+"""HTML pages and animations of a drive: they are complete, need no network, and a missing package is reported before
+any work begins.
+"""
 
 import re
 from importlib import util

@@ -1,4 +1,6 @@
-"""A slip control exported as C compiles without a warning and answers as the package does, sample by sample."""
+"""A slip control that is exported as C compiles without a warning, and its results equal the results of the package at
+every sample.
+"""
 
 import shutil
 import subprocess
@@ -95,7 +97,9 @@ def test_the_test_program_says_why_it_ends_without_a_test(control, tmp_path):
 
 
 def test_vectors_try_all_that_a_control_decides():
-    """Duties within and at their limits, stops and their ends, sure and unsure estimates and forecasts."""
+    """The test vectors contain duties within and at their limits, stops and their ends, and certain and uncertain
+    estimates and forecasts.
+    """
     rows = np.array(list(vectors(export(control="onboard"), 2000)))
     duty, stands, stopped, ahead = rows[:, -29:-23], rows[:, -11], rows[:, -10], rows[:, -9:]
     assert 0.05 < stopped.mean() < 0.95
@@ -148,7 +152,9 @@ def test_an_estimate_that_begins_anew_has_forgotten_all():
 @pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
 @pytest.mark.parametrize("control", ["eq9", "onboard"])
 def test_ros2_controller_gives_the_package_s_duties(control, tmp_path):
-    """Against a stand-in of ros2_control: the real one is on no package registry."""
+    """The controller is compiled against a replacement of ros2_control, because no package registry offers the
+    original.
+    """
     chosen = scenario("ditch", control=control)
     library = embed(chosen.controller, chosen.model)
     write_control(library, tmp_path, 1)
@@ -189,7 +195,9 @@ def motion_of(rover, **settings):
 
 @pytest.mark.parametrize("rover", ["nexus6", "cart"])
 def test_held_speeds_in_c_are_those_of_the_class(rover, tmp_path):
-    """Steered and by the sides' speeds, within the supply and at it, anew every 100 samples."""
+    """Rovers with and without steering are tried, below and at the limit of the supply, with a reset after every 100
+    samples.
+    """
     write_control(motion_of(rover), tmp_path)
     done = stepped(built(tmp_path))
     assert done.returncode == 0, done.stdout

@@ -1,4 +1,4 @@
-"""A unit's C sources as a program of their own, under sanitizers and with floating-point traps."""
+"""Build the C sources of a functional mock-up unit as a separate program, with sanitizers and floating-point traps."""
 
 import subprocess
 
@@ -43,7 +43,9 @@ int main(void) {
 
 
 def ran_sanely(unit, folder, duty):
-    """Build a unit with a `main`, step it, and return how many periods it went; fail by what a sanitizer says."""
+    """Build a unit with a `main` function, step it, and return the number of periods. The test fails if a sanitizer
+    reports an error.
+    """
     words = {"DUTY": ", ".join(map(repr, duty)), "TOKEN": unit.token, "PERIODS": str(PERIODS)}
     main = MAIN
     for word, text in words.items():

@@ -1,4 +1,4 @@
-"""FMI 3.0 units as another tool meets them: fmpy validates, instantiates and steps them, alone and in a loop."""
+"""FMI 3.0 units in another program: fmpy validates, instantiates and steps them, alone and in a closed loop."""
 
 import re
 import shutil
@@ -25,7 +25,7 @@ PERIOD = 0.05
 
 
 class Opened:
-    """An FMU that was loaded: values by name."""
+    """A functional mock-up unit that fmpy has loaded, with access to its variables by name."""
 
     def __init__(self, path):
         self.path = path
@@ -57,7 +57,9 @@ class Opened:
 
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory):
-    """Return a function that writes and opens the plant of a scene, or the controller of a control there."""
+    """Return a function that writes and loads the unit of a rover in a scenario, or the unit of a control for this
+    rover.
+    """
     folders = []
 
     def write(scene, control="", **settings):
@@ -236,7 +238,7 @@ def test_command_writes_both_and_says_what_they_take(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("control", ["", "onboard", "cmd-vel"])
 def test_sources_in_the_unit_are_sound(control, tmp_path):
-    """What the archive has builds as its build description says, and runs under sanitizers."""
+    """The C sources in the archive build as the build description states, and the sanitizers report no error."""
     chosen = scenario("ditch", **({"control": control} if control else {}))
     fmu = unit_of(chosen.controller, chosen.model) if control else plant(chosen.model)
     with zipfile.ZipFile(write_unit(fmu, tmp_path / "unit.fmu")) as archive:

@@ -1,4 +1,4 @@
-"""Random drives as C of their own: no sanitizer and no floating-point trap has anything to say."""
+"""Random drives as separate C programs: no sanitizer and no floating-point trap reports an error."""
 
 import numpy as np
 import pytest

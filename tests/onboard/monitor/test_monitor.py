@@ -1,4 +1,4 @@
-"""The monitor by what it says: nothing on firm ground, before a burial, and of what."""
+"""Forecasts of the monitor: none on firm ground, a warning before a wheel is buried, and the right cause."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from rover_pin.simulation.sensors import NoisyController, Sensors
 
 
 class Beside:
-    """Constant duty with the monitor beside it."""
+    """A controller with constant duty that also runs the monitor."""
 
     def __init__(self, monitor):
         self.monitor, self.inner = monitor, ConstantDuty()
@@ -60,7 +60,9 @@ def test_a_burial_is_warned_of_two_seconds_before_and_is_digging():
 
 @pytest.mark.parametrize("c_d", [0.0, 0.15])
 def test_forces_tell_whether_the_ground_digs(c_d):
-    """A rover that gets on tells it: the hole's rim takes force that nothing else explains."""
+    """The forces of a moving rover show whether its wheels dig, because only a hole explains the resistance of the
+    hole's rim.
+    """
     watch, _ = beside("incline", 12.0, **{**digging_incline(c_d), "terrain.angle_deg": 5.0, "soil.k": 0.015})
     assert watch.monitor.digging @ RATES == pytest.approx(c_d, abs=0.05)
 
@@ -86,7 +88,9 @@ def test_it_starts_again():
 
 
 def ahead(slope=0.0, hole=0.0, excess=0.0, slip=0.2, swapped=False):
-    """Return the share of the rims' speed at the horizon, and the deepest hole over r."""
+    """Return the ratio of the rover's speed to its rim speed at the end of the forecast, and the depth of the deepest
+    hole divided by r.
+    """
     model = scenario("flat", soil="table-1", **{"soil.k": 0.02}).model
     law = AheadLaw(tuple(model.rover.radii.tolist()), model.slip, 9.81)
     n, factors, step = len(law.radii), pull_factors(model, SLIPS), law.step()

@@ -1,4 +1,4 @@
-"""The compiled monitor against a plain NumPy one: over drives sample by sample, and over beliefs drawn at random."""
+"""The compiled monitor is compared with a monitor in plain NumPy, sample by sample in drives and for random beliefs."""
 
 import ctypes
 import math
@@ -29,13 +29,15 @@ def monitor():
 
 
 def plain_of(monitor):
-    """The plain monitor of the same rover, with its table of pulls, which other tests check."""
+    """Return the plain monitor of a compiled monitor's rover. It uses the compiled monitor's table of pulls, which
+    other tests check.
+    """
     numbers = {name: getattr(monitor.struct, name) for name in ("sinkage", "buried", "no_load_rate", "stall_current")}
     return onboard.PlainMonitor(monitor.law.radii, monitor.keep["pulls"], **numbers)
 
 
 def belief_of(monitor):
-    """What the monitor reads of its belief."""
+    """Return the fields of the belief that the monitor reads."""
     belief, n = monitor.estimate.belief, len(monitor.law.radii)
     tables = {name: belief.keep[name].copy() for name in ("rim", "weight", "travel", "stalled")}
     tables["under"] = dict(zip(onboard.ROWS, belief.keep["under"].reshape(-1, n).copy(), strict=True))
@@ -79,7 +81,9 @@ def test_both_monitors_say_the_same_of_a_drive(name):
 
 
 def drawn(monitor, random, hard):
-    """Put a belief drawn at random into the monitor's: `hard` is the share of ground that is steep, bent or walled."""
+    """Fill the monitor's belief with random values. `hard`, from 0 to 1, scales the slopes, bends and walls of the
+    ground.
+    """
     belief, n = monitor.estimate.belief, len(monitor.law.radii)
     pace = float(random.choice([-0.03, 0.001, 0.05], p=[0.05, 0.05, 0.9]))
     under = {
@@ -119,7 +123,9 @@ def test_both_monitors_say_the_same_of_any_belief(monitor, seed):
 
 
 def smoothed(monitor, p_stuck, times):
-    """Whether the alarm is raised after so many samples in which the rover, rolling back, stands with P = p_stuck."""
+    """Return whether the alarm is raised after a number of samples in which the rover rolls back and P(stuck) =
+    p_stuck.
+    """
     belief = monitor.estimate.belief
     belief.struct.pace, belief.struct.stuck = -0.05, p_stuck
     for _ in range(times):
@@ -128,7 +134,7 @@ def smoothed(monitor, p_stuck, times):
 
 
 def test_the_alarm_rises_above_075_and_ends_below_half_of_it(monitor):
-    """P(stuck) smoothed over 0.3 s: after n samples of P it is P (1 - (1 - 1/6)^n)."""
+    """P(stuck) is smoothed over 0.3 s: after n samples with the value P, the smoothed value is P (1 - (1 - 1/6)^n)."""
     monitor.reset()
     assert not smoothed(monitor, 0.0, 10), "before half a second nothing is said"
     assert not smoothed(monitor, 0.745, 60)
@@ -143,7 +149,9 @@ def test_the_alarm_rises_above_075_and_ends_below_half_of_it(monitor):
 @pytest.mark.parametrize("off", [0.0, 0.1, 0.15, 0.2, 0.25, 0.4])
 @pytest.mark.parametrize("duty", [0.2, 0.8])
 def test_the_probability_of_a_motor_s_fault_is_bayes(monitor, off, duty):
-    """A motor that is well misses i R = delta V - K omega by 5 % of the largest term and 0.02; 1 in 1,000 is not."""
+    """A sound motor deviates from i R = delta V - K omega by 5 % of the largest term and 0.02. One motor in 1,000 is
+    faulty.
+    """
     monitor.reset()
     random, plain, n = np.random.default_rng(1), plain_of(monitor), 6
     for _ in range(25):
@@ -184,7 +192,9 @@ def test_a_fault_is_named_from_one_half_on(monitor, motor, sensor, cause):
 
 
 def test_the_scale_of_currents_is_that_at_which_the_pull_carries_the_rover():
-    """By hand: most rows that count climb 6 deg slowly; of rims below a tenth of the fastest nothing counts."""
+    """The expected scale is computed by hand: most of the used rows climb 6 deg slowly, and rows with rim speeds below
+    a tenth of the largest are not used.
+    """
     model, rise = scenario("flat", soil="table-1").model, math.tan(math.radians(6.0))
     r, weight = float(model.built.radii[0]), model.built.mass * model.built.gravity
     pitch = np.repeat([-math.radians(6.0), 0.0, math.radians(20.0)], [30, 20, 45])
