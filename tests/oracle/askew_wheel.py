@@ -1,9 +1,10 @@
 """A wheel at a slip angle in plain NumPy, with side force and moments; imports nothing of rover_pin.
 
-x forward, y left, z up; at a positive slip angle the wheel goes to its right. Stresses are midpoint sums over the
-contact arc, the load is balanced by bisection on the sinkage, and the moment is the sum of r x F over all points of
-rim and flank, taken as vectors. Along the wheel the rim is sheared against u = v V / sqrt(v^2 + (v_y / 5)^2), nearly
-the speed over the ground V, and the pressure of the rut resists the less by (v_y / 5)^2 over u^2 + (v_y / 5)^2.
+x points forward, y to the left, z up. At a positive slip angle the wheel moves to its right. Stresses are midpoint sums
+over the contact arc, the load is balanced by bisection on the sinkage, and the moment is the sum of r x F over all
+points of rim and flank, as vectors. Along the wheel, the rim is sheared relative to u = v V / sqrt(v^2 + (v_y / 5)^2),
+which is nearly the speed over the ground V. The resistance of the rut's pressure is multiplied by u^2 / (u^2 + (v_y /
+5)^2).
 """
 
 from __future__ import annotations
@@ -16,14 +17,16 @@ FRICTION = np.pi / 6
 
 
 class AskewWheel:
-    """A wheel, a soil, and the share and the way [m] of the pressure on its flank."""
+    """A wheel and a soil, with the share of the pressure on the wheel's flank and the distance [m] over which it builds
+    up.
+    """
 
     def __init__(self, r, b, c, phi, k, K, n, exit_ratio, flank=0.0, k_f=0.02):
         self.r, self.b, self.c, self.phi, self.k, self.K, self.n = r, b, c, phi, k, K, n
         self.exit_ratio, self.flank, self.k_f = exit_ratio, flank, k_f
 
     def wrench(self, h, S, angle):
-        """Force (x, y, z) and moment (x, y, z) about the wheel's centre."""
+        """Return force (x, y, z) and moment (x, y, z) about the wheel's centre."""
         entry = np.arccos(1 - h / self.r)
         leave = -self.exit_ratio * entry
         theta = leave + (entry - leave) * (np.arange(NODES) + 0.5) / NODES
@@ -48,11 +51,12 @@ class AskewWheel:
         return full, np.cross(at, force).sum(axis=0) + np.cross(where, beside).sum(axis=0)
 
     def beside(self, entry, h, speeds, u):
-        """Forces on strips of the buried disc, and where they act: passive pressure of walls of their depth.
+        """Return the forces on strips of the buried disc, and the points where they act: the passive pressure on walls
+        of their depth.
 
-        Each strip's wedge carries what stands on it of the heap at the disc: half the rut's sand, and what is swept.
-        The pressure builds up with the way aside over the chord, and falls as the rim spins; the sand rubs along the
-        disc, 0.43 h above its lowest point.
+        The wedge of each strip carries the part of the heap at the disc that lies on it: half of the rut's sand and the
+        swept sand. The pressure builds up with the sideways distance over the chord, and falls if the rim spins. The
+        sand rubs along the disc at 0.43 h above its lowest point.
         """
         v, rim, aside = speeds
         theta = -entry + 2 * entry * (np.arange(NODES) + 0.5) / NODES
@@ -78,7 +82,7 @@ class AskewWheel:
         return np.vstack([force, [rubs, 0.0, 0.0]]), np.vstack([where, [0.0, 0.0, -arm]])
 
     def run(self, W, S, angle):
-        """Drawbar pull, torque, sinkage, side force and moment about the vertical under a load."""
+        """Return drawbar pull, torque, sinkage, side force and moment about the vertical axis under a load."""
         low, high = 1e-6, 0.98 * self.r
         for _ in range(60):
             h = (low + high) / 2

@@ -1,4 +1,6 @@
-"""Runs driven twice, by the blind generator in one batch and by the package one by one, from the package's rest."""
+"""Runs that are driven twice, by the blind generator in one batch and by the package one after the other, from the
+package's state at rest.
+"""
 
 import importlib
 import importlib.util
@@ -25,7 +27,7 @@ LIMITS = {"place": 0.3e-3, "angle": 0.6e-3, "rate": 2e-3, "speed": 0.8e-3, "curr
 
 
 def tracks(seed=7):
-    """Return four of a campaign's runs (lanes, border, start, duty, steer), all but those on the flat."""
+    """Return four runs of a campaign (lanes, border, start, duty, steer): all except those on level ground."""
     random = np.random.default_rng(seed)
     heights = campaign.bed(random)
     lane_list = []
@@ -41,7 +43,9 @@ def tracks(seed=7):
 
 
 def both(models, runs, duration, timing=Timing(), of=vehicle.NEXUS6):
-    """Return (the generator's channels, the package's trace) of each run and the model that says the same of it."""
+    """Return, for each run, the channels of the generator and the trace of the package, and the package's model with
+    equal numbers.
+    """
     theirs, rests = [], []
     for model, run in zip(models, runs, strict=True):
         state = settled_state(model, Start(*run.start))
@@ -58,7 +62,7 @@ def both(models, runs, duration, timing=Timing(), of=vehicle.NEXUS6):
 
 
 def states(rovers, rests):
-    """Return the package's states as one of the batch."""
+    """Return states of the package as one state of the batch."""
     columns, count = [], rovers.count
     for model, state in rests:
         joints = [model.rover.model.joints[model.rover.model.getJointId(name)] for name in rovers.tree.names]
@@ -73,7 +77,7 @@ def states(rovers, rests):
 
 
 def difference(mine, theirs, of=vehicle.NEXUS6):
-    """Return the differences in the terms of LIMITS."""
+    """Return the differences by the names in LIMITS."""
 
     def worst(names):
         return max(float(np.abs(mine[name] - theirs[name]).max()) for name in names)

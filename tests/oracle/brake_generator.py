@@ -1,4 +1,6 @@
-"""Steady points of a motor on a brake in plain NumPy: bisection on the balance of torques, nothing of the package."""
+"""Steady points of a motor on a brake in plain NumPy, by bisection on the balance of torques; imports nothing of the
+package.
+"""
 
 import numpy as np
 
@@ -15,9 +17,9 @@ supply = {{ value = {V}, unit = "V" }}
 
 
 def write(folder, seed, viscous=0.0, square=0.0, dead=0.0, resistance=1.03, runs=5, samples=6):
-    """Write points of a motor whose resistance is off; return the folder.
+    """Write the points of a motor with a wrong resistance, and return the folder.
 
-    Hidden: friction viscous w + square w^2; a driver that swallows a duty of `dead`.
+    The hidden effects are the friction viscous w + square w^2, and a driver that ignores duties below `dead`.
     """
     random, K = np.random.default_rng(seed), GEAR * K_T
     rows = [HEADER]

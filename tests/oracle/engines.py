@@ -1,14 +1,17 @@
-"""Accelerations of a rover by other engines, sharing no code with the package: MuJoCo, and Drake where it is installed.
+"""Accelerations of a rover by other physics engines, which share no code with the package: MuJoCo, and Drake where it
+is installed.
 
     python tests/oracle/engines.py        makes tests/oracle/nexus6_accelerations.npz
 
-Each engine gives its own mass matrix and bias; the differential is imposed on them as a hard constraint by a dense KKT
-system in NumPy, because the engines' own couplings are soft (MuJoCo's equality is 4e-3 off) and no referees.
+Each engine computes its own mass matrix and bias. The differential is then imposed as a hard constraint by a dense KKT
+system in NumPy, because the engines' own couplings are soft (MuJoCo's equality constraint is off by 4e-3) and cannot
+serve as a reference.
 
-Conventions of the file, chosen to be nobody's: base position and quaternion (w x y z), velocity of the base's origin in
-world axes, angular velocity in base axes, then joints by name; accelerations are the time derivatives of those
-velocities (so that of the origin is classical). Efforts: force at the base's origin in world axes, moment in base axes,
-then joint torques. Wrenches: world force and moment at the wheels' centres.
+Conventions of the file, which differ from those of all engines: position of the base and quaternion (w x y z), velocity
+of the base's origin in world axes, angular velocity in base axes, then joints by name. Accelerations are the time
+derivatives of these velocities, so that the acceleration of the origin is the classical one. Efforts: force at the
+base's origin in world axes, moment in base axes, then joint torques. Wrenches: force and moment at the wheels' centres
+in world axes.
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ GRAVITY = 9.81
 
 
 class States(NamedTuple):
-    """Random states; a row each."""
+    """Random states, one row for each state."""
 
     joints: list[str]
     wheels: list[str]
@@ -41,7 +44,9 @@ class States(NamedTuple):
 
 
 def random_states(text: str, count: int, seed: int) -> States:
-    """Return states with a fast base, fast wheels, forces on all wheels; the differential holds in angle and rate."""
+    """Return states with a fast base, fast wheels and forces on all wheels. Angles and rates fulfil the
+    differential.
+    """
     rng = np.random.default_rng(seed)
     joints = [joint.get("name") for joint in ET.fromstring(text).findall("joint")]
     wheels = [name for name in joints if name.startswith("wheel")]
@@ -65,7 +70,9 @@ def random_states(text: str, count: int, seed: int) -> States:
 
 
 def mjcf(text: str) -> str:
-    """Return MuJoCo's XML of a URDF without fixed joints; its own importer fuses links and discards inertias."""
+    """Return the MuJoCo XML of a URDF without fixed joints. MuJoCo's own importer merges links and discards
+    inertias.
+    """
     robot = ET.fromstring(text)
     links = {link.get("name"): link for link in robot.findall("link")}
     joints = robot.findall("joint")
@@ -126,13 +133,15 @@ def rotation(rpy: np.ndarray) -> np.ndarray:
 
 
 def quaternion_of(rpy: np.ndarray) -> np.ndarray:
-    """Return (w x y z) of a URDF's roll, pitch, yaw."""
+    """Return the quaternion (w x y z) of roll, pitch and yaw in a URDF."""
     (a, b, c), (s, t, u) = np.cos(np.asarray(rpy) / 2), np.sin(np.asarray(rpy) / 2)
     return np.array([a * b * c + s * t * u, s * b * c - a * t * u, a * t * c + s * b * u, a * b * u - s * t * c])
 
 
 def constrained(H: np.ndarray, force: np.ndarray, left: int, right: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return free acceleration, acceleration under the differential, and its torque, by a dense KKT solve."""
+    """Return the free acceleration, the acceleration under the differential, and the torque of the differential, by a
+    dense KKT system.
+    """
     G = np.zeros(len(H))
     G[[left, right]] = 1.0
     saddle = np.block([[H, -G[:, None]], [G[None, :], np.zeros((1, 1))]])
@@ -141,7 +150,7 @@ def constrained(H: np.ndarray, force: np.ndarray, left: int, right: int) -> tupl
 
 
 def by_mujoco(text: str, states: States) -> dict[str, np.ndarray]:
-    """Return MuJoCo's mass matrices, free and constrained accelerations, constraint torques; and its masses."""
+    """Return MuJoCo's mass matrices, free and constrained accelerations and constraint torques, and its masses."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(mjcf(text))
@@ -174,7 +183,9 @@ def _append(out: dict[str, list], *values: object) -> None:
 
 
 def by_drake(text: str, states: States) -> dict[str, np.ndarray]:
-    """Return the same by Drake; its generalised velocity has the world's angular velocity first."""
+    """Return the results of `by_mujoco` from Drake, whose generalised velocity begins with the angular velocity in
+    world axes.
+    """
     from pydrake.math import RigidTransform
     from pydrake.multibody.math import SpatialForce
     from pydrake.multibody.parsing import Parser

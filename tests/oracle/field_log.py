@@ -1,7 +1,8 @@
-"""Drives of rovers that are not Nexus 6, recorded as others record them; nothing of rover_pin, `independent` drives.
+"""Recordings of drives of two other rovers, made by `independent`; imports nothing of rover_pin.
 
-Two rovers without a differential: a six-wheeler on three bogies, a four-wheeler with neither suspension nor steering.
-They drive over waves and a slope both ways; a camera's pose drifts, rates and level have noise; no ground is told.
+Both rovers have no differential: one has six wheels on three bogies, the other has four wheels and neither suspension
+nor steering. They drive over waves and a slope in both directions. The pose from a camera drifts, rates and tilts have
+noise, and the ground is not declared.
 """
 
 import importlib.util
@@ -55,7 +56,7 @@ def wheel(name, parent, xyz):
 
 
 def bogies():
-    """Two bogies along the sides in front and one across the rear; six wheels, none steers."""
+    """Return a rover with two bogies at the sides in front and one across the rear. None of its six wheels steers."""
     parts = [link("hull", 42.0, 0.6)]
     for side, y in (("l", 0.36), ("r", -0.36)):
         parts += [
@@ -75,7 +76,7 @@ def bogies():
 
 
 def skid():
-    """Four wheels on a hull."""
+    """Return a rover with four wheels on a hull."""
     parts = [link("hull", 30.0, 0.5)]
     for side, y in (("l", 0.3), ("r", -0.3)):
         parts += [wheel(f"f{side}", "hull", f"0.3 {y} -0.1"), wheel(f"r{side}", "hull", f"-0.3 {y} -0.1")]
@@ -83,7 +84,7 @@ def skid():
 
 
 class Dragged(physics.Physics):
-    """A rover that pulls a cable: a force against its motion that grows with the way from where it began."""
+    """A rover that pulls a cable: a force against its motion that grows with the distance from its start."""
 
     drag = (0.0, 0.0)
     "at the begin [N], and what each metre adds [N/m]"
@@ -97,14 +98,16 @@ class Dragged(physics.Physics):
 
 
 def ground(start=2.0):
-    """Waves of 6 m and 2.7 m, and from `start` on a slope of 7 deg besides."""
+    """Return a ground with waves of 6 m and 2.7 m length, and additionally a slope of 7 deg from `start` on."""
     x = np.arange(-12.0, 12.01, 0.2)
     z = 0.10 * np.sin(2 * math.pi * x / 6) + 0.03 * np.sin(2 * math.pi * x / 2.7)
     return x, z + np.where(x > start, (x - start) * math.tan(math.radians(7.0)), 0.0)
 
 
 def run(urdf, wheels, start, seconds, seed, drag=(0.0, 0.0), sides=0.0):
-    """Return the true channels of one drive at duties held for 3 s; `sides` lets left and right differ."""
+    """Return the true channels of one drive with duties that are held for 3 s. `sides` lets left and right duties
+    differ.
+    """
     dragged = Dragged(
         physics.World(
             str(urdf), MOTOR, physics.Ground([ground()]), SOIL, r=R, b=B, wheels=wheels, steered=(), own_arc=True,
@@ -121,7 +124,7 @@ def run(urdf, wheels, start, seconds, seed, drag=(0.0, 0.0), sides=0.0):
 
 
 def recorded(true, begin, random, odometry=False):
-    """Return what is recorded at 10 Hz from `begin` [s] on: pose with noise and drift, level, wheel rates."""
+    """Return the recording at 10 Hz from `begin` [s] on: the pose with noise and drift, tilts and wheel rates."""
     rows = slice(1, None, 2)
     count = len(true["t_s"][rows])
     walk = np.cumsum(random.normal(0.0, DRIFT, (3, count)), axis=1)
@@ -141,7 +144,7 @@ def recorded(true, begin, random, odometry=False):
 
 
 def write(folder, rover=bogies, runs=4, seconds=40.0, seed=1, odometry=False, **hidden):
-    """Write rover.urdf and recording.csv; return both paths."""
+    """Write rover.urdf and recording.csv, and return both paths."""
     urdf, wheels = rover()
     (folder / "rover.urdf").write_text(urdf)
     random, tables, begin = np.random.default_rng(seed), [], 0.0

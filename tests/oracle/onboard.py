@@ -120,7 +120,9 @@ class PlainBelief:
         self.k, self.backwards, self.wall, self.rolled, self.no_progress = 0, False, 0.0, 0.0, False
 
     def sense(self, posture, rates, currents, backwards=False, late=math.nan):
-        """Update the filter by one sample; `told` then has slip, its SD, hole depth and its SD of each wheel."""
+        """Update the filter by one sample. Afterwards `told` holds slip, SD of the slip, hole depth and its SD of each
+        wheel.
+        """
         self.chance = Chance.of_sample(self.k)
         self._look(np.array(posture), np.array(rates), np.array(currents))
         self._move(backwards)
@@ -284,7 +286,9 @@ class PlainMonitor:
         return True
 
     def foresee(self, b):
-        """Update the monitor by a belief, a namespace with `under`, `rim`, `told`, `weight`, `travel`, `slip` etc."""
+        """Update the monitor by a belief, which is a namespace with `under`, `rim`, `told`, `weight`, `travel`, `slip`
+        and others.
+        """
         self._dig(b)
         if self.samples >= 10 and self.samples % 2 == 0:
             self._look_ahead(b)
@@ -293,7 +297,7 @@ class PlainMonitor:
         self.alarm = self.smoothed > (0.375 if self.alarm else 0.75)
 
     def _net(self, b, slips, holes):
-        """Return the pull minus the resistance of holes and slopes, over the weight."""
+        """Return the pull minus the resistance of holes and slopes, divided by the weight."""
         load = np.maximum(b.under["load"], 0.0)
         return load @ (at_slip(self.pulls, slips) - holes / HOLE_LENGTH - b.under["slope"]) / max(load.sum(), 1e-9)
 
@@ -357,10 +361,11 @@ class PlainMonitor:
         return Draws(*(np.array(column) for column in zip(*draws, strict=True)))
 
     def _ahead(self, b, draws, wall=1.0, hole=1.0):
-        """Return for each particle whether the rover is stuck in 4 s, and its deepest hole over r.
+        """Return, for each particle, whether the rover is stuck after 4 s, and the depth of its deepest hole divided by
+        r.
 
         The method is linearly implicit Euler in speed and slips. `wall` and `hole` are factors on the resistance of the
-        obstacle and on the holes.
+        obstacle and on the depth of the holes.
         """
         n, rim, slope = len(self.r), b.rim, b.under["slope"]
         level, load = np.maximum(b.under["level"], 0.3), np.maximum(b.under["load"], 0.0)

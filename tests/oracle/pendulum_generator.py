@@ -1,7 +1,8 @@
-"""A pendulum on a servo in plain NumPy: Heun's rule at 0.2 ms, hard laws, encoder steps; nothing of the package.
+"""A pendulum on a servo in plain NumPy, by Heun's rule at 0.2 ms, with steps of an encoder; imports nothing of the
+package.
 
-Every hidden law is harder than the package has it: dry friction changes its sign within 0.004 rad/s, and the teeth
-only push, with a damping that the package has not.
+Every hidden law is stiffer than the package's: dry friction changes its sign within 0.004 rad/s, and the teeth of the
+gear only push, with a damping that the package's law lacks.
 """
 
 import numpy as np
@@ -30,7 +31,9 @@ HEADER = "run,time_s,voltage_V,angle_rad,rate_radps,current_A,angle_sd_rad,rate_
 
 
 def drawn(random, law):
-    """The true numbers: declared ones off by up to 10 %, which is 2.5 SD of the package's priors, and the law's."""
+    """Return the true numbers: the declared numbers with errors of up to 10 %, which are 2.5 SD of the package's
+    priors, and the numbers of the hidden law.
+    """
     off = random.uniform(0.9, 1.1, 4)
     motor, arm = DECLARED["motor"], DECLARED["arm"]
     K, R = motor["gear"] * motor["k_t"] * off[0], motor["resistance"] * off[1]
@@ -41,7 +44,7 @@ def drawn(random, law):
 
 
 def voltages(random, length):
-    """Two sines a run from gentle to strong (samples, runs), held from row to row."""
+    """Return two sine waves for each run, from weak to strong (samples, runs), held from row to row."""
     t = np.arange(0.0, length, SAMPLE)[:, None]
     strength = np.linspace(1.5, 9.0, RUNS)
     slow, fast = random.uniform(0.3, 0.7, RUNS), random.uniform(0.9, 1.8, RUNS)
@@ -50,7 +53,7 @@ def voltages(random, length):
 
 
 def resisting(law, w, carried):
-    """Friction against a rate w, where the gear carries this torque."""
+    """Return the friction against the rate w at a gear that carries this torque."""
     dry = law.get("T_c", 0.0) + law.get("mu", 0.0) * np.abs(carried)
     if "T_s" in law:
         dry = dry + law["T_s"] * (law["share"] + (1 - law["share"]) * np.exp(-np.square(w / law["w_s"])))
@@ -58,13 +61,15 @@ def resisting(law, w, carried):
 
 
 def contact(lead, closing, numbers, gap):
-    """Torque of the motor on the arm, by how far and fast it is ahead: teeth only push, at either end of the gap."""
+    """Return the torque of the motor on the arm, from the lead of the motor and its rate. The teeth only push, at both
+    ends of the gap.
+    """
     push = numbers["stiffness"] * (np.abs(lead) - gap / 2) + DAMPED * np.sign(lead) * closing
     return np.where(np.abs(lead) > gap / 2, np.sign(lead) * np.maximum(push, 0.0), 0.0)
 
 
 def slopes(state, u, numbers, law):
-    """Rates of motor, its rate, arm and its rate."""
+    """Return the time derivatives of the motor's angle and rate and of the arm's angle and rate."""
     motor, v, arm, w = state
     driving = numbers["K"] * (u - numbers["K"] * v) / numbers["R"]
     torque = contact(motor - arm, v - w, numbers, law.get("gap", 0.0))
@@ -73,7 +78,7 @@ def slopes(state, u, numbers, law):
 
 
 def simulated(u, numbers, law):
-    """Angle of the arm, rate of the shaft and current (3, samples, runs), from rest."""
+    """Return the angle of the arm, the rate of the shaft and the current (3, samples, runs), from rest."""
     state, rows = np.zeros((4, RUNS)), []
     for voltage in u:
         rows.append([state[2], state[1], (voltage - numbers["K"] * state[1]) / numbers["R"]])
@@ -84,7 +89,7 @@ def simulated(u, numbers, law):
 
 
 def of_truth(numbers):
-    """The tables of bench.toml that hold the true numbers."""
+    """Return the tables of bench.toml with the true numbers."""
     gear, mass = DECLARED["motor"]["gear"], DECLARED["arm"]["mass"]
     motor = {"k_t": numbers["K"] / gear, "resistance": numbers["R"], "rotor_inertia": numbers["rotor"] / gear**2}
     arm = {"lever": numbers["weight"] / (mass * G), "inertia": numbers["arm"], "stiffness": numbers["stiffness"]}
@@ -92,7 +97,9 @@ def of_truth(numbers):
 
 
 def write(folder, law="none", seed=0, noisy=True, length=LENGTH, true=False):
-    """Write bench.toml, declared or `true`, and runs.csv of a bench; return the numbers of its hidden law, if any."""
+    """Write bench.toml, with declared or `true` numbers, and runs.csv; return the numbers of the hidden law, if there
+    is one.
+    """
     random = np.random.default_rng(seed)
     numbers, hidden = drawn(random, law)
     u = voltages(random, length)

@@ -1,7 +1,7 @@
-"""Wheel-rig sets with hidden effects, in plain NumPy; imports nothing of rover_pin.
+"""Wheel-rig sets with hidden effects in plain NumPy; imports nothing of rover_pin.
 
-The forces are midpoint sums over the contact arc, the load is balanced by bisection on the sinkage. Each effect is
-written down once more from its published form, with its own parameter values.
+The forces are midpoint sums over the contact arc, and the load is balanced by bisection on the sinkage. Each effect is
+written a second time from its published form, with its own parameter values.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ sinkage = { value = 0.6, unit = "mm" }
 
 
 class Rig:
-    """A wheel, a soil, and one effect of some size, or several: `Rig(sizes={"digging": 0.02, ...})`."""
+    """A wheel, a soil, and one or several effects with their sizes: `Rig(sizes={"digging": 0.02, ...})`."""
 
     def __init__(self, effect="none", size=None, sizes=None, **soil):
         self.sizes = sizes or {effect: SIZES[effect] if size is None else size}
@@ -85,7 +85,7 @@ class Rig:
         self.soil = {"c": 200.0, "phi": 0.5, "k": 0.008, "K": 9e4, "n": 1.1, "exit_ratio": 0.15} | soil
 
     def forces(self, h, S, W, rim, v, day=0):
-        """Normal force, drawbar pull, torque at the sinkage h."""
+        """Return normal force, drawbar pull and torque at the sinkage h."""
         dug = self.dug(rim, v)
         h = h - dug - self.trench(rim, v)
         if h <= 0:
@@ -99,18 +99,22 @@ class Rig:
         return f_n, f_t, torque
 
     def dug(self, rim, v):
-        """Depth of the hole of a digging wheel, where digging and rolling out balance; or one that levels off."""
+        """Return the depth of a digging wheel's hole, at which digging and rolling out balance, or of a hole that
+        levels off.
+        """
         thrown, left = self.sizes.get("digging", 0.0) * max(rim - v, 0.0), v * at_speed(v, rim) / 0.04
         bounded = self.sizes.get("bounded_hole", 0.0) * self.r * np.tanh(2 * max(rim - v, 0.0) / rim)
         return thrown / (left + 2 * thrown / self.r) + bounded
 
     def trench(self, rim, v):
-        """Depth of what lugs carry off: pockets of this depth, full, levelling off towards r / 2."""
+        """Return the depth of the soil that lugs carry away: full pockets of this depth, levelling off
+        towards r / 2.
+        """
         cut = self.sizes.get("lug_trench", 0.0) * max(rim - v, 0.0)
         return cut / (v + 2 * cut / self.r)
 
     def ground(self, h, S, day):
-        """The soil as this wheel meets it."""
+        """Return the soil with the changes by the effects of this wheel."""
         s, size = dict(self.soil), self.sizes.get
         s["n"] += size("slip_sinkage", 0.0) * max(S, 0.0) + size("skid_sinkage", 0.0) * max(-S, 0.0)
         s["n"] += size("load_exponent", 0.0) * h / self.b
@@ -126,7 +130,7 @@ class Rig:
         return self.otherwise(s, h, S)
 
     def otherwise(self, s, h, S):
-        """The soil by laws that are not the package's, but for slip-softening, which is."""
+        """Return the soil by laws that differ from the package's, except for slip-softening."""
         size, driving = self.sizes.get, max(S, 0.0)
         s["K"] *= np.exp(-size("slip_softening", 0.0) * driving * (2 - driving))
         s["K"] *= np.exp(-size("even_softening", 0.0) * abs(S))
@@ -136,7 +140,9 @@ class Rig:
         return s
 
     def sheared(self, h, S, s):
-        """Forces of the arc; a share of Wong and Reece's stress, and shear at the radius of the lugs' middle."""
+        """Return the forces of the arc, with a share of Wong and Reece's stress and with shear at the radius of the
+        lugs' middle.
+        """
         q = 1 + 0.5 * self.sizes.get("grousers", 0.0) / self.r
         forces = np.array(self.arc(h, S, s, q))
         for effect, at in (("peak_stress", 0.4 + 0.15 * S), ("early_peak", 0.3 + 0.25 * S * abs(S))):
@@ -146,7 +152,9 @@ class Rig:
         return forces
 
     def arc(self, h, S, s, q=1.0, peak=None):
-        """Midpoint sums over the arc; with `peak`, Wong and Reece's stress; shear displacement at the radius q r."""
+        """Return midpoint sums over the arc; with `peak`, Wong and Reece's stress. The shear displacement is at the
+        radius q r.
+        """
         theta_1 = np.arccos(1 - h / self.r)
         theta_2 = -s["exit_ratio"] * theta_1
         step = (theta_1 - theta_2) / NODES
@@ -167,7 +175,9 @@ class Rig:
         return f_n, f_t, q * q * patch * self.r * np.sum(tau)
 
     def press(self, h):
-        """Force of the wheel that is pressed in to h without turning: no shear, as much arc behind as ahead."""
+        """Return the force of the wheel that is pressed in to the depth h without turning: no shear, and equal arcs in
+        front and behind.
+        """
         theta_1 = np.arccos(1 - h / self.r)
         theta = theta_1 * (2 * (np.arange(NODES) + 0.5) / NODES - 1)
         n = self.soil["n"] + self.sizes.get("load_exponent", 0.0) * h / self.b
@@ -175,7 +185,9 @@ class Rig:
         return self.r * self.b * 2 * theta_1 / NODES * np.sum(sigma * np.cos(theta))
 
     def run(self, W, S, v=0.02, day=0, stiffer=1.0):
-        """Drawbar pull, torque and sinkage at a load and slip, travelling at v, in sand so many times as stiff."""
+        """Return drawbar pull, torque and sinkage at a load and slip, at the travel speed v, in sand whose stiffness is
+        multiplied by a factor.
+        """
         if stiffer != 1.0:
             return Rig(sizes=self.sizes, **self.soil | {"K": stiffer * self.soil["K"]}).run(W, S, v, day)
         rim = v / (1 - S) if S >= 0 else v * (1 + S)
@@ -191,12 +203,12 @@ class Rig:
 
 
 def at_speed(v, rim):
-    """Share of a resistance that acts: all of it but for wheels at rest."""
+    """Return the share of a resistance that acts: all of it, except at wheels near rest."""
     return v / np.hypot(v, 0.001**2 / np.hypot(0.001, rim))
 
 
 def after(effect, size, forces, at):
-    """Pull and torque with one effect that changes them directly."""
+    """Return pull and torque with one effect that changes them directly."""
     (f_n, f_t, torque), (h, S, rim, v, r, b, s, sense) = forces, at
     shear = 0.0
     if effect == "motion_resistance":
@@ -235,7 +247,7 @@ NOISES = ("white", "drifting", "spiked", "raked", "understated")
 
 
 def noisy(noise, white, rng):
-    """White noise of SD 1 (runs, channels), in the order of the runs, made into that of another kind."""
+    """Return noise of another kind, made from white noise of SD 1 (runs, channels) in the order of the runs."""
     if noise == "drifting":
         for before, now in zip(white[:-1], white[1:], strict=True):
             now[:] = 0.8 * before + 0.6 * now
@@ -245,7 +257,9 @@ def noisy(noise, white, rng):
 
 
 def rig_set(rig, loads=(15.0, 25.0, 40.0), slips=SLIPS, repeats=2, seed=0, speeds=(0.02,), mixed=False, noise="white"):
-    """Columns of points.csv: one row a run, with noise; repeats take the speeds in turn, `mixed` runs are shuffled."""
+    """Return the columns of points.csv, one row for each run, with noise. Repeats use the speeds in turn, and `mixed`
+    runs are shuffled.
+    """
     rng, raked = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     rows, white = [], []
     for level, S in enumerate(slips):
@@ -288,7 +302,7 @@ sinkage = {{ value = {sd[2]}, unit = "m" }}
 
 
 def write(folder, rig, columns, nominal=None):
-    """Write rig.toml and points.csv; `nominal` is the soil as the experimenter believes it."""
+    """Write rig.toml and points.csv. `nominal` is the soil that the experimenter declares."""
     folder.mkdir(parents=True, exist_ok=True)
     soil = rig.soil | (nominal or {})
     declared_soil = {name: soil[name] for name in ("n", "c", "phi", "k")}

@@ -1,4 +1,6 @@
-"""Slip of a four-wheeler on slopes by bisection: statics by hand, Eqs (2)-(7) by `independent.soil`; no rover_pin."""
+"""Slip of a rover with four wheels on slopes by bisection: statics by hand, Eqs (2)-(7) by `independent.soil`; imports
+nothing of rover_pin.
+"""
 
 import dataclasses
 import importlib.util
@@ -24,7 +26,7 @@ SD = 0.01
 
 
 def loads(slope, sunk):
-    """Normal loads of a front and a rear wheel, vertical ground forces all alike in direction."""
+    """Return the normal loads of a front and a rear wheel. All forces of the ground have the vertical direction."""
     height = (HULL * (DOWN + field_log.R) + 4 * WHEEL * field_log.R) / MASS - sunk
     weight, lever = MASS * G * math.cos(slope), height * math.tan(slope) / HALF
     return 0.25 * weight * (1.0 - lever), 0.25 * weight * (1.0 + lever)
@@ -38,7 +40,7 @@ def bisected(of, low, high):
 
 
 def stands(S, load, ground):
-    """Entry angle of a wheel that carries a load, and its torque."""
+    """Return the entry angle of a wheel that carries a load, and its torque."""
 
     def forces(theta):
         at = np.array([theta])
@@ -49,7 +51,9 @@ def stands(S, load, ground):
 
 
 def rut(theta, ground):
-    """Work of compaction of a rut per length, b int p dz from where the wheel leaves it, Eq (4): trapezia."""
+    """Return the work of compaction for each metre of a rut, b int p dz from the exit of the wheel, Eq (4), by the
+    trapezoidal rule.
+    """
     across = np.linspace(-ground.exit_ratio * theta, theta, 4001)
     depth = np.maximum(np.cos(across) - math.cos(theta), 0.0)
     pressure = (ground.k_1 + ground.k_2 * field_log.B) * (field_log.R / field_log.B * depth) ** ground.n
@@ -57,10 +61,10 @@ def rut(theta, ground):
 
 
 def pull(S, load, ground, R, digs=0.0):
-    """Pull of a wheel that carries a load: torque over radius less R times the load.
+    """Return the pull of a wheel that carries a load: torque over radius minus R times the load.
 
-    Hidden, `digs`: the exponent n grows by so much times a driving slip, and what the deeper rut costs to press more
-    than that of a wheel that does not slip is lost.
+    The hidden effect `digs` increases the exponent n in proportion to a driving slip. The additional work for the
+    deeper rut is subtracted from the pull.
     """
     softer = dataclasses.replace(ground, n=ground.n + digs * max(S, 0.0))
     theta, torque = stands(S, load, softer)
@@ -79,7 +83,7 @@ def slip(slope, ground, R, digs=0.0):
 
 
 def write(folder, ground=field_log.SOIL, R=0.05, seed=0, repeats=3, sd=SD, slopes=SLOPES, digs=0.0):
-    """Write points.csv; return slopes [deg] and true slips."""
+    """Write points.csv, and return slopes [deg] and true slips."""
     random = np.random.default_rng(seed)
     true = np.array([slip(math.radians(slope), ground, R, digs) for slope in slopes])
     rows = ["run,slope_deg,slip,slip_sd"]

@@ -1,8 +1,10 @@
-"""Eqs (1)-(9) of the paper once more, in mpmath and in plain NumPy; imports nothing of rover_pin.
+"""Eqs (1)-(9) of the paper a second time, in mpmath and in plain NumPy; imports nothing of rover_pin.
 
-The mpmath half integrates to 30 digits with the tanh-sinh rule, which is indifferent to the (theta_1 - theta)^n of the
-stress at the ends, on pieces that end where j changes sign. The NumPy half is a sum over many panels.
-Braking follows the package's stated reading: v / (r omega) = 1 / (1 + S) and sgn(j) (1 - exp(-|j| / k)).
+The part in mpmath integrates to 30 digits with the tanh-sinh rule, on which the factor (theta_1 - theta)^n of the
+stress at the ends has no influence, on pieces that end where j changes its sign. The part in NumPy is a sum over many
+panels.
+
+Braking follows the interpretation that the package states: v / (r omega) = 1 / (1 + S) and sgn(j) (1 - exp(-|j| / k)).
 """
 
 from __future__ import annotations
@@ -14,14 +16,14 @@ mp.mp.dps = 30
 
 
 def slip(rim, v):
-    """Eq (1), printed branch by branch."""
+    """Return the slip by Eq (1), written branch by branch as in the paper."""
     if rim == v:
         return 0.0
     return (rim - v) / rim if rim > v else (rim - v) / v
 
 
 def ratio(S):
-    """v / (r omega); infinite for a locked wheel."""
+    """Return v / (r omega); infinite for a locked wheel."""
     S = mp.mpf(S)
     if S >= 0:
         return 1 - S
@@ -37,25 +39,25 @@ class Wheel:
         )
 
     def sigma(self, theta, theta_1):
-        """Eq (4) with the local sinkage of Eq (5)."""
+        """Return the normal stress by Eq (4) with the local sinkage of Eq (5)."""
         h = self.r * (mp.cos(theta) - mp.cos(theta_1))
         return (self.k_1 + self.k_2 * self.b) * (max(h, mp.mpf(0)) / self.b) ** self.n
 
     def j(self, theta, theta_1, S):
-        """The exponent of Eq (2), in metres."""
+        """Return the shear displacement j in the exponent of Eq (2) [m]."""
         rise = mp.sin(theta_1) - mp.sin(theta)
         if S == -1:
             return -mp.inf if rise > 0 else self.r * (theta_1 - theta)
         return self.r * (theta_1 - theta - ratio(S) * rise)
 
     def tau(self, theta, theta_1, S):
-        """Eq (2), signed."""
+        """Return the shear stress by Eq (2), with its sign."""
         j = self.j(theta, theta_1, S)
         share = mp.sign(j) * (1 - mp.exp(-abs(j) / self.k))
         return (self.c + self.sigma(theta, theta_1) * mp.tan(self.phi)) * share
 
     def breaks(self, theta_1, theta_2, S):
-        """Ends of the pieces: the arc's ends, zeros of j, and points towards the entry where k is short."""
+        """Return the ends of the pieces: the ends of the arc, zeros of j, and points near the entry if k is small."""
         theta_1, theta_2 = mp.mpf(theta_1), mp.mpf(theta_2)
         points = {theta_1, theta_2}
         if -1 < S < 0:
@@ -71,9 +73,10 @@ class Wheel:
         return sorted(points)
 
     def forces(self, S, theta_1, theta_2):
-        """Eqs (6), (7), the torque, the thrust and the compaction resistance, and the scale of errors, as floats.
+        """Return the forces of Eqs (6) and (7), the torque, the thrust, the compaction resistance and the scale of
+        errors, as floats.
 
-        The scale is r b int (|sigma| + |tau|): what the sums are made of, where the results cancel.
+        The scale is r b int (|sigma| + |tau|), the sum of all absolute contributions, because the results cancel.
         """
         theta_1, theta_2 = mp.mpf(theta_1), mp.mpf(theta_2)
         S = mp.mpf(S)
@@ -98,31 +101,35 @@ class Wheel:
 
 
 class PeakedWheel(Wheel):
-    """The same with Wong and Reece's stress: behind theta_m that of an angle in front, linearly from theta_2."""
+    """A wheel with the normal stress of Wong and Reece: behind theta_m it equals the stress at an angle in front,
+    linearly from theta_2.
+    """
 
     def __init__(self, theta_m, theta_2, *constants):
         super().__init__(*constants)
         self.theta_m, self.theta_2 = mp.mpf(theta_m), mp.mpf(theta_2)
 
     def sigma(self, theta, theta_1):
-        """Eq (4) at the angle in front that has the stress of theta."""
+        """Return Eq (4) at the angle in front whose stress is the stress at theta."""
         if theta < self.theta_m:
             share = (theta - self.theta_2) / (self.theta_m - self.theta_2)
             theta = theta_1 - share * (theta_1 - self.theta_m)
         return super().sigma(theta, theta_1)
 
     def breaks(self, theta_1, theta_2, S):
-        """Those of the plain wheel, theta_m, and points towards the exit."""
+        """Return the ends of the pieces of the plain wheel, theta_m, and points near the exit."""
         length = self.theta_m - self.theta_2
         near_exit = {self.theta_2 + length * mp.mpf(10) ** -e for e in (1, 2, 3, 4)}
         return sorted({*super().breaks(theta_1, theta_2, S), self.theta_m, *near_exit})
 
 
 def panel_forces(S, theta_1, theta_2, r, b, c, phi, k, K, n, theta_m=None, panels=1000):
-    """Eqs (2)-(7) in plain NumPy by four Gauss points in each of many panels that crowd at the ends: f_n, f_t, torque.
+    """Return f_n, f_t and torque by Eqs (2)-(7) in plain NumPy, with four Gauss points in each of many panels that
+    become narrower towards the ends.
 
-    Numbers or arrays (N,); with theta_m Wong and Reece's stress, which peaks there. To 1e-10 of a force, or of 2 % of
-    r b int (|sigma| + |tau|): in corners of n 0.3 to 1.6, theta_1 2 to 70 deg, theta_2 -theta_1 to 0, k 1 to 100 mm.
+    The arguments are numbers or arrays (N,). With theta_m, the normal stress is that of Wong and Reece with its maximum
+    there. The error is below 1e-10 of a force, or of 2 % of r b int (|sigma| + |tau|), for n from 0.3 to 1.6, theta_1
+    from 2 to 70 deg, theta_2 from -theta_1 to 0 and k from 1 to 100 mm.
     """
     arguments = (S, theta_1, theta_2, r, b, c, phi, k, K, n, theta_2 if theta_m is None else theta_m)
     S, theta_1, theta_2, r, b, c, phi, k, K, n, theta_m = (
@@ -145,7 +152,9 @@ def panel_forces(S, theta_1, theta_2, r, b, c, phi, k, K, n, theta_m=None, panel
 
 
 def full_shear_closed_form(theta_1, theta_2, phi, n):
-    """Closed forms at S = 1, k -> 0, c = 0, per unit of stress scale: f_n, thrust, torque for n = 1 and n = 2."""
+    """Return the closed forms at S = 1, k -> 0, c = 0, for a unit of the stress: f_n, thrust and torque for n = 1 and n
+    = 2.
+    """
     t = mp.tan(mp.mpf(phi))
     C = mp.cos(mp.mpf(theta_1))
 

@@ -1,4 +1,4 @@
-"""Under what blind sets are driven and read (oracle/blind/circumstance): shares, and each as it is stated."""
+"""Circumstances of blind data sets (oracle/blind/circumstance): their shares, and each of them as it is stated."""
 
 import importlib
 import importlib.util
@@ -45,7 +45,9 @@ def test_a_tracker_drifts_slowly_and_from_where_it_starts():
 
 
 def test_a_coarse_encoder_loses_no_count_and_declares_its_noise():
-    """What it counts in all is the angle to a count; its rates are whole counts, as far off as the log declares."""
+    """The sum of the counts is the angle to within one count. The rates are whole counts, with the error that the log
+    declares.
+    """
     true = rows_of_a_run(1.1)
     true |= {f"wheel_rate_{wheel}": 1.1 + 0.3 * np.sin((1 + at) * true["t_s"]) for at, wheel in enumerate(WHEELS)}
     read, step = circumstance.read("coarse", true, np.random.default_rng(2)), 2 * np.pi / circumstance.COUNTS

@@ -1,8 +1,10 @@
-"""The blind generator (oracle/blind) against the package, its sets against the package's reader, and its seal.
+"""The blind generator (oracle/blind) is compared with the package, its sets are read by the package, and its seal is
+checked.
 
-Both simulators hold the same laws, written twice: with nothing hidden and with every effect they must move alike to a
-fifth of the sensors' noise (LIMITS), at the steps that both use. Measured over whole runs with nothing hidden: 0.17 mm,
-0.2 mrad, 0.5 mrad/s rms of the wheels' rates; what is left halves with the package's step.
+Both simulators contain equal laws, written twice. Without a hidden effect and with every hidden effect, their motions
+must agree to a fifth of the sensors' noise (LIMITS), at the usual steps of both. Over whole runs without a hidden
+effect, the measured differences are 0.17 mm, 0.2 mrad and 0.5 mrad/s RMS of the wheel rates; they are halved with the
+package's step.
 """
 
 import ast
@@ -53,7 +55,7 @@ def effect_class(name):
 
 
 def numbers_of(name):
-    """Return an effect's numbers at SEVERITY."""
+    """Return the numbers of an effect at SEVERITY."""
     if name == "none":
         return {}
     drawn = hidden.ALL[name](np.random.default_rng(3), SEVERITY)
@@ -61,9 +63,9 @@ def numbers_of(name):
 
 
 def with_effect(name, resistance):
-    """Return the package's model with this effect alone, what is not hidden at its neutral value.
+    """Return the package's model with this effect alone; all other effects have their neutral values.
 
-    Its resistance fades below v_0 of travel, however fast the rim is, as the generator's does.
+    The motion resistance fades below the travel speed v_0, whatever the speed of the rim, as in the generator.
     """
     base = BASE.having(MotionResistance(R=resistance, q=0.0))
     if name == "none":
@@ -75,7 +77,7 @@ def with_effect(name, resistance):
 
 
 def both(cases, duration, timing=Timing(), gravity=9.81, resistance=RESISTANCE):
-    """Drive (effect name, track) cases here and there."""
+    """Drive cases (effect name, track) with the generator and with the package."""
     models, runs = [], []
     for name, (lanes, borders, start, duty, steer) in cases:
         ground = Lanes(tuple(Profile(*lane) for lane in lanes), borders)
@@ -109,7 +111,9 @@ def test_it_imports_nothing_of_the_package():
     ids=["in short", "a whole run", "a run that skids", "a soft differential"],
 )
 def test_it_drives_as_the_package_does(effect, ways, duration, resistance):
-    """At half the step: rockers on a soft differential are .8 mrad apart at the whole one, a quarter over the limit."""
+    """The package takes half its step. With its whole step, rockers on a soft differential would differ by 0.8 mrad, a
+    quarter above the limit.
+    """
     cases = [(effect, track) for track in tracks()[ways]]
     for mine, theirs in both(cases, duration, Timing(dt=0.005), resistance=resistance):
         assert_alike(mine, theirs)
@@ -127,7 +131,9 @@ RIGID = sorted({*hidden.LISTED, *hidden.ALIASES} - {"DifferentialCompliance"})
 
 @cache
 def driven(names):
-    """Effects with a rigid differential, over the ramp with a reversal and over waves with steering."""
+    """Return drives of effects with a rigid differential, over the ramp with a reversal and over waves with
+    steering.
+    """
     ways = tracks()[1:3]
     pairs = both([(name, track) for name in names for track in ways], 6.0)
     return {name: pairs[len(ways) * i : len(ways) * (i + 1)] for i, name in enumerate(names)}
@@ -209,7 +215,9 @@ def test_a_plan_has_the_shares_and_every_effect():
 
 
 def test_what_a_log_declares_is_honest():
-    """Truth minus declared, in declared SDs, has mean 0 and SD 1, less what is cut off the tails."""
+    """The truth minus the declared value, in declared SDs, has the mean 0 and the SD 1, reduced by the tails that are
+    cut off.
+    """
     off = []
     for index in range(150):
         nuisance = campaign.nuisance(np.random.default_rng([3, index]), index % 2 == 0)
@@ -227,7 +235,7 @@ def test_what_a_log_declares_is_honest():
 
 @pytest.fixture(scope="module")
 def generated(tmp_path_factory):
-    """Three sets of half a second: an effect, a soft differential, a bent ground."""
+    """Return three sets of half a second: an effect, a soft differential, a bent ground."""
     folder = tmp_path_factory.mktemp("blind")
     sets = [
         {"index": i, "kind": "single", "hidden": [hidden.truth(name, np.random.default_rng(i))]}

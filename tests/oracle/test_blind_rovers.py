@@ -1,6 +1,7 @@
-"""The blind generator's other rovers (oracle/blind/vehicle) by what must hold of any, and against the package.
+"""The other rovers of the blind generator (oracle/blind/vehicle): properties that hold for every rover, and a
+comparison with the package.
 
-They are driven by the same equations as its Nexus 6, which `test_blind_generator` compares with the package's.
+Their equations are those of Nexus 6, which `test_blind_generator` compares with the package.
 """
 
 import importlib
@@ -36,7 +37,9 @@ G = 9.81
 
 
 def cruise_resistance(sand, slip=0.05):
-    """Return torque / (r f_n) at the fixed angles: what makes the flat cruise at this slip."""
+    """Return torque / (r f_n) at the fixed angles, which is the resistance at which a rover cruises on level ground at
+    this slip.
+    """
     on = soil.arc(np.array([sand["theta_1"]]), np.array([sand["theta_2"]]))
     numbers = {"c": sand["c"], "tan_phi": np.tan(sand["phi"]), "k": sand["k"], "K": sand["k_1"], "n": None}
     f_n, torque = soil.forces(on, soil.travel_ratio(np.array([slip])), numbers, sand["r"], sand["b"])
@@ -55,7 +58,7 @@ BUILT = {
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
-    """A set of half a second of either rover with nothing hidden."""
+    """Return a set of half a second of either rover without a hidden effect."""
     folder = tmp_path_factory.mktemp("rovers")
     sets = [{"index": at, "kind": "none", "hidden": [], "under": name} for at, name in enumerate(OTHERS, 2)]
     sealed.generate(folder / "sets", sets, 4, folder / "answers.json", duration=0.5)
@@ -63,7 +66,7 @@ def logs(tmp_path_factory):
 
 
 def nominal(of):
-    """Return what a run of a rover drives with in the sand and with the motors that are in proportion to it."""
+    """Return the numbers of a run of a rover on the sand and with the motors that are in proportion to it."""
     plain = world.PLAIN
     soil = {"k": plain["k"] * of.ratio("length"), "k_1": plain["k_1"] * of.ratio("Pa")}
     motor = {"constant": plain["constant"] * of.ratio("length"), "resistance": plain["resistance"] * of.ratio("ohm")}
@@ -96,7 +99,7 @@ def test_it_is_built_as_it_says(logs, name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
 def test_at_rest_the_ground_carries_its_weight(name):
-    """Forces sum to m g upwards, their moment about the base's origin is that of the weight."""
+    """The forces sum to m g upwards, and their moment about the base's origin equals the moment of the weight."""
     of, built = vehicle.KNOWN[name], BUILT[name]
     rovers = rover.Rovers([flat_run(of, R)], of)
     state = drive.rest(rovers)
@@ -112,7 +115,9 @@ def test_at_rest_the_ground_carries_its_weight(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
 def test_on_the_flat_its_motors_give_what_the_resistance_takes(name):
-    """v = (1 - S) r omega, the torques of all wheels over r are R m g; near 0.05 m/s, S = 0.05."""
+    """At a speed near 0.05 m/s and S = 0.05, v = (1 - S) r omega, and the torques of all wheels divided by r sum to R m
+    g.
+    """
     of, built = vehicle.KNOWN[name], BUILT[name]
     trace = drive.drive([flat_run(of, R)], 8.0, vehicle=of)
     last = {key: values[0, -60:] for key, values in trace.items()}
@@ -130,7 +135,7 @@ def test_on_the_flat_its_motors_give_what_the_resistance_takes(name):
 
 
 def driven(logs, name, effect, values, duration, tracks):
-    """Drive tracks here and there as the log declares it, with one effect."""
+    """Drive tracks with the generator and with the package, as the log declares them, with one effect."""
     of, models, runs = vehicle.KNOWN[name], [], []
     base = base_model(read_drive_log(logs[name]))
     base = base.having(base.effect(MotionResistance).replace(q=0.0))  # as the generator's fades, which no log tells
@@ -148,7 +153,7 @@ def driven(logs, name, effect, values, duration, tracks):
 
 
 def limits(of):
-    """Currents are larger as the sensors' noise is."""
+    """Return the limits. The limit of currents scales with the sensors' noise."""
     return pair.LIMITS | {"current": pair.LIMITS["current"] * of.load}
 
 
@@ -172,9 +177,11 @@ def test_it_drives_as_the_package_does(logs, name):
     ],
 )
 def test_it_drives_as_the_package_does_for_long(logs, name, effect):
-    """Over the ramp with a reversal, where axles change their order, and over waves with steering.
+    """The drive goes over the ramp with a reversal, at which the axles change their order, and over waves with
+    steering.
 
-    Within a third of the noise: a cart turns by what its sides differ in, and its heading adds that up for 14 s.
+    The limit is a third of the noise, because a cart turns by the difference of its sides, and its heading sums this
+    difference for 14 s.
     """
     kind = "none" if effect is None else effect.__name__
     drawn = {} if effect is None else hidden.ALL[kind](np.random.default_rng(3), 4.0)
@@ -185,7 +192,9 @@ def test_it_drives_as_the_package_does_for_long(logs, name, effect):
 
 
 def test_what_is_hidden_has_the_size_of_the_rover():
-    """A torque goes with weight on a wheel times radius, a pull with the mass, a length with the radius."""
+    """A torque scales with the weight on a wheel times its radius, a pull with the mass, and a length with
+    the radius.
+    """
     heavy = vehicle.HEAVY
     assert heavy.sized("GearFriction", {"tau_c": 0.01}) == {"tau_c": pytest.approx(0.01 * 6.0 * 1.5)}
     assert heavy.sized("TetherDrag", {"f_0": 0.1, "f_1": 0.2}) == pytest.approx({"f_0": 0.6, "f_1": 1.2})

@@ -1,4 +1,4 @@
-"""Equation (8) against MuJoCo and Drake: 100 random states, free and under the differential."""
+"""Equation (8) is compared with MuJoCo and Drake: 100 random states, free and under the differential."""
 
 from __future__ import annotations
 
@@ -40,7 +40,9 @@ def rover_of(text: str, states):
 
 
 def state_of(rover, states, i: int):
-    """Return q, v, torques, wheel forces as Pinocchio has them, and the function that brings accelerations back."""
+    """Return q, v, torques and wheel forces in Pinocchio's conventions, and the function that converts accelerations
+    back.
+    """
     model = rover.model
     dofs = [model.joints[model.getJointId(str(name))].idx_v for name in states.joints]
     turn = engines.rotation_of(states.quaternion[i])
@@ -101,7 +103,7 @@ def test_the_shipped_urdf_agrees_with_mujoco():
 
 
 def shaken(text: str, seed: int) -> str:
-    """Return the URDF with turned and moved frames, odd axes, and full inertias."""
+    """Return the URDF with rotated and shifted frames, unusual axes, and full inertias."""
     rng = np.random.default_rng(seed)
     robot = ET.fromstring(text)
     for joint in robot.findall("joint"):

@@ -1,4 +1,4 @@
-"""The compiled step: what it is given of a model, a rover and a terrain, and what holds of it by itself."""
+"""The compiled step: the data that it gets from a model, a rover and a terrain, and its own properties."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ def kernel_of(model):
 
 
 def test_there_is_room_for_what_the_largest_wheel_meets():
-    """Points every 5 mm: twice the radius, twice the facets; wheels of both sizes on one rover."""
+    """With a point every 5 mm, twice the radius means twice the number of facets. One rover has wheels of
+    both sizes.
+    """
     random = np.random.default_rng(0)
     x = np.arange(-2.0, 2.0, 0.005)
     ground = Lanes((Profile(x, 1e-4 * random.normal(size=len(x))),), ())
@@ -65,7 +67,9 @@ def test_kernel_without_energy_balance_moves_equally():
 
 @pytest.mark.parametrize(("limit", "most"), [("MAX_DOF", 20), ("MAX_COLS", 10)])
 def test_a_rover_with_more_joints_than_the_step_holds_is_refused(limit, most, monkeypatch):
-    """Nexus 6 has 20 degrees of freedom: 6, four rockers, four servos, six wheels; 10 at most are above a wheel."""
+    """Nexus 6 has 20 degrees of freedom: 6 of the base, four rockers and bogies, four servos and six wheels. At most 10
+    of them move one wheel.
+    """
     uncached = drive_fields.rover_fields.__wrapped__
     monkeypatch.setattr(drive_fields, limit, most)
     uncached(FLAT.built, 1e-3, 1.0, True, False)
@@ -112,7 +116,7 @@ ROVER, CASES = cases.ROVER, cases.CASES
 
 @pytest.mark.parametrize("kind", [Kernel, PlainStepper])
 def test_steps_that_are_taken_back_leave_nothing_behind(kind):
-    """A motor whose current and supply, and gears whose wind-up, the next step reads as well."""
+    """The motor has a current and a supply voltage, and the gears have a wind-up, which the next step reads as well."""
     model = CASES["two-widths"][0].having(SupplySag())
     state = settled_state(model, Start())
     stepper = kind(model, state, 0.005, False)
@@ -156,7 +160,9 @@ def test_the_crowd_is_the_most_points_within_a_length(length):
 
 
 def test_there_is_room_for_all_facets_that_a_wheel_can_meet():
-    """Its ground is 2.1 radii long: the points in it, a piece at either end and one beyond; patches on all lanes."""
+    """The examined ground is 2.1 radii long. It contains the points within this length, a piece at each end and one
+    piece beyond, and patches on all lanes.
+    """
     fields = terrain_fields(Lanes((ROUGH, STEP), (0.25,)), 0.4)
     needed = [line_of(profile).crowd(2.1 * 0.4) + 4 for profile in (ROUGH, STEP)]
     assert needed[0] > needed[1]

@@ -1,5 +1,5 @@
-"""The compiled step against the plain one, which shares neither geometry code nor linear algebra with it: with the mass
-matrix (CRBA) and with the articulated bodies (ABA) of Pinocchio.
+"""The compiled step is compared with the plain step, which shares neither geometry code nor linear algebra with it. The
+plain step uses Pinocchio's mass matrix (CRBA) or its articulated bodies (ABA).
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ ROVER, CASES = cases.ROVER, cases.CASES
 
 
 def assert_alike(plain, kernel):
-    """All that a step changes or tells is the same in both."""
+    """Check that all arrays that a step changes, and all results that it reports, are equal in both."""
     second, state = plain.state, kernel.state
     assert second.q == pytest.approx(state.q, abs=1e-11)
     assert second.v == pytest.approx(state.v, abs=1e-9)
@@ -36,7 +36,7 @@ def assert_alike(plain, kernel):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_steps_agree(name):
-    """State by state, so that a chaotic moment cannot hide an error or make one."""
+    """The steps are compared state by state, so that a chaotic motion can neither hide an error nor cause one."""
     model, start = CASES[name]
     state = settled_state(model, start)
     if name == "past its stops":
@@ -69,7 +69,7 @@ def test_steps_agree(name):
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_step_agrees_where_everything_moves(name):
-    """From a state that no drive comes to, so that no term is 0."""
+    """The state does not occur in a drive, so that no term of the equations is 0."""
     model, start = CASES[name]
     assert assert_a_step_alike(model, cases.stirred(model, settled_state(model, start)), symmetric=False) > 0.0
 
@@ -83,7 +83,9 @@ def test_a_step_agrees_that_is_made_symmetric():
 
 
 def assert_a_step_alike(model, state, symmetric):
-    """Return what the second step found misjudged."""
+    """Check two steps against both plain steppers, and return the forecast error that the second compiled
+    step found.
+    """
     others = [
         PlainStepper(model, state.copy(), 0.005, symmetric, stages) for stages in (composite_stages, articulated_stages)
     ]
@@ -101,7 +103,7 @@ def assert_a_step_alike(model, state, symmetric):
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_a_step_agrees_past_the_stops(way):
-    """Bent further and on the way back, at either end of every joint, so that stops push and take energy."""
+    """Every joint is bent beyond an end stop and moves further or back, so that the stops push and take energy."""
     model, start = CASES["past its stops"]
     state = cases.stirred(model, settled_state(model, start))
     cases.bent(state)
@@ -112,7 +114,7 @@ def test_a_step_agrees_past_the_stops(way):
 
 @pytest.mark.parametrize("share", [1e-3, 1e3])
 def test_what_a_step_misjudged_is_told_alike(share):
-    """One load of one wheel at a time foreseen otherwise: of wheels that carry more than a share, and less of it."""
+    """The predicted load of one wheel at a time is changed, for wheels that carry more or less than their share."""
     model, start = CASES["two-widths"]
     state, misjudged = settled_state(model, start), []
     plain, kernel = PlainStepper(model, state.copy(), 0.005, False), Kernel(model, state, 0.005, False)
@@ -132,7 +134,9 @@ def test_what_a_step_misjudged_is_told_alike(share):
 
 
 def through_rest(state, share):
-    """Let the rover creep forwards and its wheels turn back, or the other way, at such a share of `direction_speed`."""
+    """Let the rover creep and its wheels turn partly backwards, with speeds of a fraction `share` of
+    DIRECTION_SPEED.
+    """
     state.v[:] = 0.0
     state.v[0] = share * DIRECTION_SPEED
     for at, wheel in enumerate(ROVER.wheels):
@@ -141,7 +145,7 @@ def through_rest(state, share):
 
 @pytest.mark.parametrize("name", ["held", "eq-1"])
 def test_steps_agree_through_rest(name):
-    """There the law is a blend of both directions, whose weights a wheel passes in a step or two."""
+    """Around rest the law is a blend of both directions, whose weights change completely within a step or two."""
     model, start = CASES[name]
     rest_state = settled_state(model, start)
     for share in np.linspace(-1.5, 1.5, 31):
@@ -158,7 +162,7 @@ def test_steps_agree_through_rest(name):
 
 
 def test_a_dropped_rover_is_the_same_in_both():
-    """All wheels in the air, then touching."""
+    """First all wheels are in the air, then they touch the ground."""
     model, start = CASES["ditch"]
     state = settled_state(model, start)
     state.q[2] += 0.01

@@ -1,4 +1,4 @@
-"""Laws over SIMD lanes against CasADi's own machine, with vector math and without."""
+"""Laws in SIMD lanes are compared with CasADi's own interpreter, with and without vector functions."""
 
 import ctypes
 
@@ -14,7 +14,9 @@ from rover_pin.simulation.native import lanes
 
 
 def every_operation():
-    """A function of three numbers a lane, one state, and one shared number, that does everything a law may do."""
+    """Return a function of three numbers for each lane, one state, and one shared number, which contains every
+    operation that a law may use.
+    """
     x, state, shared = ca.SX.sym("x", 3), ca.SX.sym("state"), ca.SX.sym("shared")
     a, b, c = ca.vertsplit(x)
     small = ca.tanh(a) / 2
@@ -36,7 +38,7 @@ def aligned(values):
 
 
 def together(function, *value, shared=()):
-    """Call the compiled function for as many cases at once as it has lanes; each row of `given` is a case."""
+    """Call the compiled function for as many cases at once as it has lanes. Each row of `given` is a case."""
     source = lanes.header() + lanes.c_source(function, shared) + "int law_lanes(void) { return LANES; }\n"
     handle = toolchain.shared_library(source, "test_lanes")
     width, rows = handle.law_lanes(), []
@@ -51,7 +53,7 @@ def together(function, *value, shared=()):
 
 @pytest.fixture(params=["this processor", "any processor"])
 def build(request, monkeypatch):
-    """Compiled for this processor's vectors, and as where nothing is known of it."""
+    """Compile the function for the vectors of this processor, and for an unknown processor."""
     if request.param == "any processor":
         monkeypatch.setattr(toolchain, "level", lambda: "")
 
@@ -68,7 +70,9 @@ def test_every_operation_is_casadis():
 
 @pytest.mark.usefixtures("build")
 def test_a_law_is_casadis():
-    """The scenario's contact law with its derivatives, over ways, speeds and states that a wheel meets."""
+    """The contact law of a scenario and its derivatives are evaluated over the distances, speeds and states that a
+    wheel has in a drive.
+    """
     model = scenario("ditch").model
     function = split_law(contact_law(model.contact_effects), len(GEOMETRY))
     rng = np.random.default_rng(1)

@@ -1,4 +1,6 @@
-"""Laws and their derivatives have values all over the declared ranges: by intervals for all points, by many points."""
+"""Laws and their derivatives are finite within all declared bounds: intervals prove it for all points, and many points
+confirm it.
+"""
 
 import casadi as ca
 import numpy as np
@@ -35,7 +37,7 @@ PIECES = 64
 
 
 def drawn(random, bounds, defaults):
-    """Return points (numbers, POINTS): each number at an end, at its default, anywhere, or about its default."""
+    """Return points (numbers, POINTS): each number is at a bound, at its default, near its default, or anywhere."""
     low, high = np.array(bounds, dtype=float).reshape(-1, 2).T[..., None]
     default = np.array(defaults, dtype=float)[:, None]
     some = random.random((len(default), POINTS))
@@ -49,12 +51,12 @@ def ranges(records):
 
 
 def of(records, random):
-    """Return points of all numbers of records within their declared bounds."""
+    """Return points of all numbers of some records, within their declared bounds."""
     return drawn(random, ranges(records), [float(value) for record in records for value in record.values().values()])
 
 
 def states_of(effects, random):
-    """Return points of states: at rest, small, and far along; a slip is 1 at most."""
+    """Return points of states: at rest, small, and large. A slip is at most 1."""
     names = [state.name for effect in effects for state in effect.states]
     distant = [1.0 if name.startswith("S") else FARTHEST for name in names]
     return np.array([random.choice([0.0, 1e-9, 1e-3, largest / 2, largest], POINTS) for largest in distant]).reshape(
@@ -68,7 +70,7 @@ def infinite(law, first, states, parameters):
 
 
 def at_a_wheel(kind, angles):
-    """The usual effects of a wheel and one of this kind, in a model's order."""
+    """Return the usual effects of a wheel and one further effect, in the order of a model."""
     rover = load_rover("nexus6")
     base = [*base_effects(Soil(), rover, SoilTraction(TorqueTraction(), angles)), usual_slip(rover)]
     present = kind in map(type, base) or kind.__name__.endswith("Slip")
@@ -76,7 +78,9 @@ def at_a_wheel(kind, angles):
 
 
 def outcome(law, bounds, cut=None):
-    """What a law may be within these bounds, one of them cut into pieces, and where it may have no value."""
+    """Return the interval of a law's values within these bounds, one of which is divided into pieces, and the
+    faults.
+    """
     boxes = np.repeat(np.array(bounds, dtype=float).T[:, :, None], 1 if cut is None else PIECES, axis=2)
     if cut is not None:
         ends = np.linspace(*bounds[cut], PIECES + 1)
@@ -96,7 +100,9 @@ BOTH = pytest.mark.parametrize("angles", [FixedAngles(), SinkageAngles()], ids=l
 @BOTH
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_wheel_divides_by_zero(kind, angles, monkeypatch):
-    """Nor takes a root or logarithm of what has none, where the soil bears, k_1 + k_2 b > 0, and the arc, f_n > 0."""
+    """No law divides by 0, or takes a root or logarithm outside its domain, if soil and contact bear a load: k_1 + k_2
+    b > 0 and f_n > 0.
+    """
     modulus, assemble = stress.modulus, wheel_forces.assemble
     monkeypatch.setattr(stress, "modulus", lambda wheel, soil: ca.fmax(modulus(wheel, soil), 1e-7))
     monkeypatch.setattr(wheel_forces, "assemble", lambda *parts: bearing(assemble(*parts)))
@@ -123,7 +129,7 @@ def test_no_motor_divides_by_zero_or_overflows(kind):
 
 
 def test_a_fault_is_seen():
-    """A division by what may be 0 is a fault; one by what never is, none."""
+    """A division by a number that may be 0 is a fault, and a division by a number that is never 0 is none."""
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     for value, sound in ((x / y, False), (ca.log(x), False), (ca.sqrt(x - 2), False), (x / ca.fmax(y, 1e-3), True),
                          (ca.acos(ca.fmin(1, ca.fmax(-1, x * y))), True), (x**0.5 / (1 + y * y), True)):  # fmt: skip
@@ -133,7 +139,7 @@ def test_a_fault_is_seen():
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.__name__ in ("CombinedShear", "ExitAngle")])
 def test_intervals_hold_what_a_law_is(kind):
-    """Of boxes a millionth of a range wide, narrow enough to decide branches, each about a point."""
+    """The boxes around the points are a millionth of a range wide, which is narrow enough to decide every branch."""
     random, effects = np.random.default_rng(6), at_a_wheel(kind, FixedAngles())
     first = np.vstack([drawn(random, GEOMETRY, PATCH), of([Wheel()], random), of([Soil()], random)])
     states, parameters = states_of(effects, random), of(effects, random)
@@ -152,7 +158,9 @@ def test_intervals_hold_what_a_law_is(kind):
 @BOTH
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_meets_at_a_wheel_is_finite(kind, angles):
-    """Of soils that bear, k_1 + k_2 b > 0, and whose contact is ahead of the axle at its most, |theta_2| < theta_1."""
+    """The soils bear a load, k_1 + k_2 b > 0, and the deepest point of the contact lies ahead of the axle, |theta_2| <
+    theta_1.
+    """
     random, effects = np.random.default_rng(3), at_a_wheel(kind, angles)
     wheel, soil = of([Wheel()], random), of([Soil()], random)
     of_soil = dict(zip(quantities(Soil()), soil, strict=True))
@@ -165,5 +173,7 @@ def test_what_meets_at_a_wheel_is_finite(kind, angles):
 
 
 def rank(effect):
-    """The order of a model's effects: those before the slip, the slip, the others."""
+    """Return the rank of an effect in the order of a model: effects before the slip, the law of slip, all other
+    effects.
+    """
     return 1 if isinstance(effect, RelaxedSlip) else 0 if effect.before_slip else 2

@@ -1,4 +1,4 @@
-"""Model files: every effect there and back, and every mistake in a file named."""
+"""Model files: every effect is written and read back, and each fault in a file has its error."""
 
 import re
 
@@ -29,7 +29,7 @@ BASE = scenario("flat", soil="table-1").model
 
 
 def alike(first, second):
-    """Two models in all but their rovers' objects and terrains."""
+    """Return whether two models are equal, except for their rover objects and terrains."""
     stored = (
         "soils",
         "motor",
@@ -46,7 +46,7 @@ def alike(first, second):
 
 
 def drawn(kind, rng):
-    """The effect with each quantity anywhere within its bounds, its choices other than the default."""
+    """Return the effect with random quantities within their bounds, and with choices other than the defaults."""
     effect = kind()
     ends = {name: (max(quantity.low, -9.0), min(quantity.high, 9.0)) for name, quantity in quantities(effect).items()}
     changes = {name: float(rng.uniform(*end)) for name, end in ends.items()}
@@ -113,7 +113,7 @@ def test_an_effect_of_ones_own_keeps_its_file(tmp_path):
 
 
 def test_an_effect_without_a_file_cannot_be_written(tmp_path):
-    """As a class that was written at a prompt."""
+    """Such an effect is a class that was typed at a prompt."""
     namespace = {"__name__": "prompt"}
     exec(compile(OWN_EFFECT, "<stdin>", "exec"), namespace)
     with pytest.raises(DataError, match=r"effect.*:.*\.py"):

@@ -1,4 +1,6 @@
-"""Both named motors drive as the paper says at its one point; one far faster than the step does not ring."""
+"""Both named motors drive the rover as the paper states for its operating point, and a motor that is much faster than
+the step does not oscillate.
+"""
 
 import dataclasses
 import importlib.util
@@ -56,7 +58,9 @@ def test_what_back_emf_takes_of_the_cruising_duty(name, share):
 
 @pytest.mark.parametrize("name", MOTORS)
 def test_what_eq_9_reads_is_what_a_drive_shows(study, name):
-    """The study's table is statics; here the wheels of a rover that climbs steadily, each under its own load."""
+    """The study's table comes from statics. Here it is compared with the wheels of a rover that climbs steadily, each
+    under its own load.
+    """
     drive = scenario(
         "incline", soil="table-1", motor=name, duration=8.0, **{"terrain.angle_deg": 4.0, "terrain.start": -2.0}
     )
@@ -68,7 +72,7 @@ def test_what_eq_9_reads_is_what_a_drive_shows(study, name):
 
 
 def test_no_motor_lets_eq_9_see_a_slip_that_the_soil_resists(study):
-    """S_hat falls as S rises, for every stall torque that carries the flat."""
+    """The estimate S_hat falls as S rises, for every stall torque that drives the rover on level ground."""
     for _, table in study.readings().groupby(["motor", "k_mm"]):
         assert np.all(np.diff(table["S_hat"].dropna()) <= 0.0)
 
@@ -81,7 +85,9 @@ def test_when_12_degrees_are_reached(study, name, at):
 @pytest.mark.parametrize("kind", [engine.stepper for engine in ENGINES.values()], ids=ENGINES)
 @pytest.mark.parametrize("z", [0.05, 0.5, 1.0, 3.0, 8.0, 1000.0])
 def test_a_step_leaves_of_a_motor_s_own_rate_what_the_rule_says(kind, z):
-    """A wheel in the air, z time constants of its motor in one step: exp(-z) to second order, and never a ring."""
+    """A wheel in the air takes one step of z time constants of its motor. The remaining fraction is exp(-z) to second
+    order, and never negative.
+    """
     model = scenario("flat").model
     wheel, motor = model.built.wheels[0], model.motor
     inertia = float(model.built.model.inertias[wheel.joint].inertia[1, 1] + motor.armature)
@@ -99,7 +105,7 @@ def test_a_step_leaves_of_a_motor_s_own_rate_what_the_rule_says(kind, z):
 
 @dataclasses.dataclass(frozen=True)
 class Push(ViscousFriction):
-    """Friction of the wrong sign: it drives a wheel on."""
+    """Friction of the wrong sign, which accelerates a wheel."""
 
     b_v: float = quantity(0.0, "N m s", "made up", -10.0, 10.0, "b_v")
 
@@ -107,7 +113,9 @@ class Push(ViscousFriction):
 @pytest.mark.parametrize("kind", [engine.stepper for engine in ENGINES.values()], ids=ENGINES)
 @pytest.mark.parametrize("z", [-3.0, 0.5, 1.2, 1.9, 3.0, 4.5, 6.0])
 def test_growth_is_that_of_what_is_pushed_away(kind, z):
-    """A wheel in the air whose rate grows by z in a step: each solve is 1 / (1 - gamma z) of the one before."""
+    """The rate of a wheel in the air has the growth rate z per step. Each stage of the step multiplies it by 1 / (1 -
+    gamma z).
+    """
     model = scenario("flat").model
     state, motor = settled_state(model, Start()), model.motor
     state.q[2] += 500.0
@@ -121,7 +129,7 @@ def test_growth_is_that_of_what_is_pushed_away(kind, z):
 
 
 def wheels_mobility(model, q):
-    """(M^-1)_G of the wheels' rates [1/(kg m^2)]."""
+    """Return (M^-1)_G of the wheel rates [1/(kg m^2)]."""
     pin_model = model_with_armature(model.built, float(model.motor.armature))
     M = np.array(pin.crba(pin_model, pin_model.createData(), q))
     inverse, G = np.linalg.inv(np.triu(M) + np.triu(M, 1).T), constraint_rows(model.built, differential=True)
@@ -148,7 +156,9 @@ def test_no_motor_holds_more_than_its_duty_gives_or_turns_back(delta, omega):
 
 
 def test_a_stiff_motor_follows_its_duty_without_ringing():
-    """K^2 / R = 40 N m s on 1e-3 kg m^2 is 0.025 ms; the midpoint rule kept 98 % of a ring from step to step."""
+    """K^2 / R = 40 N m s with an inertia of 1e-3 kg m^2 has the time constant 0.025 ms. The midpoint rule would keep 98
+    % of an oscillation from step to step.
+    """
     drive = scenario("flat", duration=1.0)
     model = dataclasses.replace(drive.model, motor=Motor(supply=5.8, resistance=0.0025, k_t=0.0369, gear=8.58))
     timing = Timing(sample=DT)

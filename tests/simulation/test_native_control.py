@@ -1,4 +1,6 @@
-"""The built-in controllers in the compiled loop against their Python classes, in drives and from any state."""
+"""The built-in controllers in the compiled loop are compared with their Python classes, in drives and for random
+states.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,7 @@ CASES = {
 
 
 def asked(controller):
-    """The same controller as one that the loop does not know."""
+    """Return a controller with equal commands that the compiled loop does not know and must call from Python."""
     return lambda reading: controller(reading)
 
 
@@ -63,7 +65,7 @@ def test_a_built_in_controller_drives_as_its_class_does(name):
 
 
 class Careful(ConstantDuty):
-    """A controller of a user, made from one of the package's."""
+    """A user's controller that is derived from a class of the package."""
 
     def __call__(self, reading):
         return 0.2
@@ -71,7 +73,7 @@ class Careful(ConstantDuty):
 
 @dataclass(frozen=True)
 class Half(NoLimit):
-    """A limit of a user."""
+    """A user's torque limit."""
 
     def duty(self, reading):
         return 0.1
@@ -101,7 +103,7 @@ def test_what_a_user_wrote_is_asked(controller):
 @pytest.mark.parametrize("limited", [False, True], ids=["free", "under a torque limit"])
 @pytest.mark.parametrize("rover", ["nexus6", "cart"])
 def test_tacking_in_the_loop_is_that_of_its_class(rover, limited):
-    """Through the ditch, with turns to both sides."""
+    """The rover drives through the ditch with turns to both sides."""
     case = scenario("ditch", rover=rover, **{"soil.k": 0.01})
     control = TackingControl(
         case.model.rover, Tacking(0.2, radius=0.8, alert=0.05, calm=1.5, delta=0.5, delta_climb=0.7)
@@ -121,7 +123,7 @@ def test_tacking_in_the_loop_is_that_of_its_class(rover, limited):
 
 
 def test_drive_readings_are_looked_up_when_they_are_accessed():
-    """Also much later, when the drive has gone on; and it is what the plain step shows."""
+    """A reading keeps its values after the drive has continued, and equals the reading of the plain step."""
     case, stored = scenario("ditch", soil="table-1"), []
 
     def watching(reading):
@@ -163,7 +165,7 @@ SAMPLES = 150
 
 
 def limit():
-    """Torques that differ with the wheel and rise and fall with the pitch."""
+    """Return torque limits that differ between wheels and that rise and fall with the pitch."""
     torques = np.random.default_rng(5).uniform(-0.1, 1.0, (len(PITCHES), 6)) * float(MODEL.motor.stall_torque)
     return TorqueLimit(MODEL.motor, tuple(map(tuple, torques)))
 
@@ -184,14 +186,16 @@ def controllers():
 
 
 def loop_of(commands):
-    """A loop of one sample and one step in which nothing moves, far above the ground."""
+    """Return a loop of one sample and one step far above the ground, in which nothing moves."""
     state = hovering(MODEL, Start())
     kernel = Kernel(MODEL, state, AT_ONCE, symmetric=False)
     return Loop(kernel, AT_ONCE, 1, 1, per_control=1, **commands.fields(kernel, 1))
 
 
 def scramble(loop, rng):
-    """Any attitude a rover may have and more, wheels that turn either way or not, any duty and slip."""
+    """Set a random attitude (also beyond usual ones), random wheel rates of both signs or zero, and random duties and
+    slips.
+    """
     state, kernel, places = loop.state, loop.kernel, ReadingPlaces.of(MODEL)
     roll, pitch, yaw = rng.uniform(-0.3, 0.3), rng.uniform(-0.9, 0.9), rng.choice([1e-3, 0.3, 1.5]) * rng.normal()
     state.q[2], state.q[3:7] = 50.0, pin.Quaternion(pin.rpy.rpyToMatrix(roll, pitch, yaw)).coeffs()

@@ -1,4 +1,6 @@
-"""The ground in C against `section.py`, which shares no code with it: random polylines, lanes and grids."""
+"""The contact geometry in C is compared with `section.py`, which shares no code with it, on random polylines, lanes and
+grids.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ EXPONENTS = [float(soil.n) for soil in SOFT]
 
 
 def compiled_patches(kernel, frame):
-    """Columns sinkage, share, tilt, turn, side, in-plane normal (2), normal (3), soil; and the wheel's sinkage."""
+    """Return the patches with the columns sinkage, share, tilt, turn, side, in-plane normal (2), normal (3) and soil,
+    and the sinkage of the wheel.
+    """
     sinkage = ctypes.c_double()
     compiled = library().rover_pin_patches
     compiled.argtypes = [ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p]
@@ -62,7 +66,7 @@ def felt(rows):
 
 
 def agree(terrain, frame):
-    """Compare, and return how many patches there are."""
+    """Compare both geometries, and return the number of patches."""
     changed_flat = dataclasses.replace(FLAT, terrain=terrain, soils=SOFT)
     (mine, depth), (theirs, reference) = (
         compiled_patches(Kernel(changed_flat, HOVER.copy(), 0.005, False), frame),
@@ -77,7 +81,7 @@ def agree(terrain, frame):
 
 @st.composite
 def profiles(draw, soils=2):
-    """Polylines with steep and flat pieces, straight runs cut into many, and soils."""
+    """Return polylines with steep and level pieces, straight pieces that are divided into many, and several soils."""
     gaps = draw(st.lists(st.floats(0.002, 0.08), min_size=1, max_size=12))
     slopes = draw(st.lists(st.sampled_from([0.0, 0.0, 0.3, -0.3, 1.5, -4.0]), min_size=len(gaps), max_size=len(gaps)))
     ground = draw(st.lists(st.integers(0, soils - 1), min_size=len(gaps), max_size=len(gaps)))
@@ -89,7 +93,7 @@ def profiles(draw, soils=2):
 
 
 def frames(terrain, draw):
-    """Wheels about the ground, headed and leaning anyhow."""
+    """Return wheels near the ground with random headings and tilts."""
     yaw, lean = draw(st.floats(-math.pi, math.pi)), draw(st.just(0.0) | st.floats(-0.4, 0.4))
     x, y = draw(st.floats(-0.3, 0.6)), draw(st.floats(-0.1, 0.1))
     z = terrain.height(x, y) + R - draw(st.floats(-0.01, 0.03))
@@ -119,7 +123,9 @@ def test_a_grid_in_c_is_that_of_the_plain_step(data):
 
 @pytest.mark.parametrize("border", ["x low", "x high", "y low", "y high"])
 def test_a_grid_ends_in_c_where_it_ends_in_the_plain_step(border):
-    """Headed anyhow over the last cell and beyond, in steps of 2 mm: the slope holds up to the last point."""
+    """Wheels with random headings move over the last cell and beyond, in steps of 2 mm. The slope continues up to the
+    last point.
+    """
     z = np.add.outer(0.3 * np.arange(6), -0.2 * np.arange(5)) * 0.05
     terrain = HeightGrid(-0.1, -0.12, 0.05, 0.05, z, 0)
     axle = np.array([-math.sin(0.7) * math.cos(0.2), math.cos(0.7) * math.cos(0.2), math.sin(0.2)])

@@ -1,4 +1,4 @@
-"""The compiled pace against the one in Python, both over steps that only do what a script says."""
+"""The step-size control in C is compared with the one in Python. Both advance steps that only follow a script."""
 
 import ctypes
 
@@ -38,7 +38,7 @@ SHARES = [
 
 @pytest.fixture(scope="module")
 def compiled():
-    """The pace as a library, over steps of a script."""
+    """Return the compiled step-size control as a library that advances the steps of a script."""
     parts = [native.file_text(name) for name in ("lanes.h", "types.h", "shared.py", "structs.h")]
     source = "".join([*parts, SCRIPT, native.file_text("pace.c"), PROBES])
     with pytest.MonkeyPatch.context() as patch:
@@ -47,7 +47,7 @@ def compiled():
 
 
 class Scripted:
-    """The same steps in Python."""
+    """The steps of the script in Python."""
 
     def __init__(self, script):
         self.script, self.calls, self.misjudged, self.growth, self.dt, self.steps = script, 0, 0.0, 0.0, DT, []
@@ -74,7 +74,7 @@ class Scripted:
 
 
 class Ours:
-    """The structs of the compiled pace."""
+    """The C structs of the step-size control."""
 
     def __init__(self, library, script):
         self.library, self.keep = library, {}
@@ -97,7 +97,7 @@ class Ours:
 
 
 def drawn(seed):
-    """A script, and which of some steps are commanded, the last before each looked at."""
+    """Return a random script, and the steps at which a command is due; the step before each command is examined."""
     rng = np.random.default_rng(seed)
     odds = rng.dirichlet(np.full(len(SHARES), 0.4))
     fails, misjudged = rng.random(500) < rng.choice([0.0, 0.05]), rng.choice(SHARES, 500, p=odds)
@@ -110,7 +110,9 @@ def drawn(seed):
 
 @pytest.mark.parametrize("seed", range(SEEDS))
 def test_the_compiled_pace_takes_the_steps_of_the_plain_one(compiled, seed):
-    """Steps that fail, misjudge or grow, before and after commands: the same steps, from the same places."""
+    """Steps fail, are mispredicted or grow, before and after commands. Both controls take equal steps from
+    equal times.
+    """
     script, commands = drawn(seed)
     theirs, ours = Scripted(script), Ours(compiled, script)
     plain = Pace(theirs, DT, ROUGH_BY)
@@ -129,7 +131,7 @@ def test_the_compiled_pace_takes_the_steps_of_the_plain_one(compiled, seed):
 
 
 def test_a_script_meets_what_a_pace_decides():
-    """Over the seeds: steps taken again, of all sizes, and statuses."""
+    """Over all seeds, the scripts contain repeated steps, steps of all sizes, and all statuses."""
     sizes, decisions = set(), set()
     for seed in range(SEEDS):
         script, commands = drawn(seed)

@@ -1,4 +1,4 @@
-"""What Python and C share of a drive is written once: sizes and places follow the records."""
+"""The data layout that Python and C share is defined once: sizes and positions follow from the records."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_a_soil_with_one_quantity_more_moves_every_place_in_c(monkeypatch):
 
 @pytest.mark.slow
 def test_additional_soil_quantity_does_not_change_a_drive(tmp_path):
-    """In a copy of the package, whose `Soil` has another quantity before the exponent."""
+    """The drive runs in a copy of the package whose `Soil` has another quantity before the exponent."""
     for name in ("rover_pin", "urdf"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
     contact = tmp_path / "rover_pin" / "contact.py"

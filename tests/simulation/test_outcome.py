@@ -1,4 +1,4 @@
-"""What a drive came to is said as it is, whatever the rover's size and pace."""
+"""The outcome of a drive is right for rovers of any size and speed."""
 
 import dataclasses
 import re
@@ -77,7 +77,7 @@ def test_a_drive_says_what_it_came_to(traces, name):
 
 
 def scaled(trace, length, time):
-    """The same drive of a rover `length` times as large, `time` times as slow."""
+    """Return the drive of a rover that is `length` times as large and takes `time` times as long."""
     by = {"m": length, "m/s": length / time, "rad/s": 1.0 / time, "s": time}
     channels = {name: values * by.get(trace.units[name], 1.0) for name, values in trace.channels.items()}
     radii = [length * r for r in trace.attrs["wheel_radii_m"]]
@@ -124,7 +124,9 @@ def test_a_measured_trace_without_the_truth_says_nothing(traces):
     ("slope", "kind"), [(1.0, "drives on"), (5.0, "drives on"), (15.0, "slides aside"), (25.0, "slides aside")]
 )
 def test_what_slides_aside_does_not_just_drive_on(slope, kind):
-    """Across a slope of the paper's sand: the speeds are those of the body along and across its heading."""
+    """The rover drives across a slope of the paper's sand. The stated speeds are those of the body along and across its
+    heading.
+    """
     trace = scenario("cross-slope", duration=8.0, **{"terrain.angle_deg": slope, "soil": "table-1"}).drive()
     outcome = trace.attrs["outcome"]
     rows = max(1, len(trace.t) // 20)
@@ -138,7 +140,9 @@ def test_what_slides_aside_does_not_just_drive_on(slope, kind):
 @pytest.mark.parametrize(("rover", "at_full_duty"), [("cart", 0.153), ("nexus6", 0.106)])
 @pytest.mark.parametrize("duty", [1e-5, 0.01, 0.03, 0.1])
 def test_what_the_soil_rocks_is_told_by_its_mean_way(rover, at_full_duty, duty):
-    """Without resistance a cart at a duty of 1e-5 "drove on at 0.019 m/s": its swing; its way goes with its duty."""
+    """A cart without resistance, at a duty of 1e-5, swings with a speed of 0.019 m/s. Only its mean motion counts,
+    which has the sign of its duty.
+    """
     settings = {"control.delta": duty, "effect.MotionResistance.R": 0.0, "soil.k": 0.005}
     trace = scenario("flat", rover=rover, duration=10.0, soil="table-1", **settings).drive()
     outcome = trace.attrs["outcome"]
@@ -169,7 +173,9 @@ LATE = T > 10.05
 
 
 def trace(rate=1.0, travel=0.05, duty=0.5, gave=1.0, count=COUNT, attrs=None, **channels):
-    """Two wheels of 10 cm radius for 20 s: rates [rad/s], travel [m/s], `gave` the mechanical of 1 W electric power."""
+    """Return the trace of two wheels of radius 10 cm for 20 s, with rates [rad/s] and travel speed [m/s]. `gave` is the
+    mechanical power for 1 W of electric power.
+    """
     t = T[:count]
     way = 0.1 * np.cumsum(np.resize(travel, count))
     default = {"t_s": t, "body_x": way - way[0], "body_y": 0.0 * t, "body_yaw": 0.0 * t}
@@ -188,7 +194,7 @@ def told(**channels):
 
 
 def numbers(sentence):
-    """The numbers of a sentence, with their units and what they are of: "x = 1.00 m", "0.05 m/s"."""
+    """Return the numbers of a sentence with their names and units: "x = 1.00 m", "0.05 m/s"."""
     return re.findall(r"(?:[xyS] = )?-?\d[\d.]*(?: (?:mm/s|m/s|deg/s|deg|mm|m|s|%|Hz)(?![\w/]))?", sentence)
 
 
@@ -196,7 +202,7 @@ def numbers(sentence):
     ("travel", "kind"), [(0.0504, "driving"), (0.0495, "creeping"), (0.0101, "creeping"), (0.0099, "stuck")]
 )
 def test_half_of_rim_travel_is_driving_below_a_tenth_is_stuck(travel, kind):
-    """The rims turn at 0.1 m/s, forwards or backwards as the duty asks."""
+    """The rims turn at 0.1 m/s, forwards or backwards, in the direction of the duty."""
     for sign in (1.0, -1.0):
         outcome, sentence = told(rate=sign, travel=sign * travel, duty=0.5 * sign)
         assert outcome == kind
@@ -205,7 +211,9 @@ def test_half_of_rim_travel_is_driving_below_a_tenth_is_stuck(travel, kind):
 
 
 def test_stuck_begins_after_the_last_radius_with_some_travel():
-    """At 5 mm/s of 100 mm/s since 10 s, at 50 mm/s before: 0.11 s before that a last radius begins with a tenth."""
+    """From 10 s on, the rover moves at 5 mm/s while its rims turn at 100 mm/s; before, it moves at 50 mm/s. The last
+    wheel radius with a tenth of travel begins 0.11 s before 10 s.
+    """
     outcome = drive_outcome(trace(travel=np.where(LATE, 0.005, 0.05), slip_a=0.989, slip_b=0.962))
     assert outcome.kind == "stuck"
     assert outcome.since == pytest.approx(9.9), "one row at 50 mm/s and nine at 5 are 9.5 % of what the rims turn"

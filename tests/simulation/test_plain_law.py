@@ -1,4 +1,6 @@
-"""The plain law around rest: what it says of its slopes, by differences, and of a wheel that goes the other way."""
+"""The plain contact law near rest: its derivatives are compared with differences, and backward travel with the mirror
+image.
+"""
 
 from types import SimpleNamespace
 
@@ -27,7 +29,7 @@ def law():
 
 
 def contact(v, rim, axle=0.0):
-    """A wheel 4 mm deep that goes sideways and sinks, on one of three axles."""
+    """Return the contact of a wheel that is 4 mm deep, sinks and moves sideways, on one of three axles."""
     return np.array([0.004, v, -0.3 * v + 1e-3, 2e-3, rim, 0.7, axle, *numbers([ROVER.wheel, SOIL])])
 
 
@@ -41,7 +43,9 @@ MOVING = [(share, rim) for share in (-1.3, -0.9, -0.4, 0.0, 0.3, 0.8, 1.2) for r
 
 @pytest.mark.parametrize(("v", "rim"), MOVING)
 def test_slopes_are_those_of_load_and_rate(law, v, rim):
-    """The direction itself goes by travel and rim; on whatever side of rest, and where a wheel is decided."""
+    """The derivatives are right for both directions, near rest and where the direction of travel is decided. The
+    direction follows from travel speed and rim speed.
+    """
     contact_at, x, step = (
         contact(v * DIRECTION_SPEED, rim * DIRECTION_SPEED, axle=1.0),
         states(law),
@@ -67,7 +71,9 @@ def test_slopes_are_those_of_load_and_rate(law, v, rim):
 
 @pytest.mark.parametrize(("v", "rim"), MOVING)
 def test_a_wheel_that_goes_the_other_way_is_its_mirror_image(law, v, rim):
-    """The last axle is then the first: all but the normal force changes its sign, and states that are odd."""
+    """In the mirror image the last axle is the first. All forces except the normal force, and all odd states, change
+    their sign.
+    """
     ahead, behind = (contact(sign * v * DIRECTION_SPEED, sign * rim * DIRECTION_SPEED) for sign in (1.0, -1.0))
     behind[2], behind[6] = -ahead[2], 2.0
     x, sign, odd = states(law), TRAVEL_SIGNS, law.odd

@@ -1,4 +1,4 @@
-"""What must hold of any drive: 1,000 of them at random (nightly), the first 18 by CI."""
+"""Properties of every drive, tested on 1,000 random drives (nightly) and on the first 18 of them in every run."""
 
 import dataclasses
 import math
@@ -24,7 +24,7 @@ LOAD, BALANCE, STEP = "the soil carried", "its energy does not balance", "the st
 
 
 def faults(seed):
-    """Return what is wrong with a drive, whether it drove at all, and whether within its tolerance."""
+    """Return the faults of a drive, whether the rover drove at all, and whether the drive is within its tolerance."""
     try:
         chosen = random_drives.drive(seed)
         trace = chosen.drive(Timing())
@@ -41,7 +41,7 @@ def faults(seed):
 
 
 def says(trace, what):
-    """Whether a drive says this of itself."""
+    """Return whether a drive has a certain note or warning."""
     return any(warning.startswith(what) for warning in trace.attrs["warnings"])
 
 
@@ -72,9 +72,10 @@ def of_trace(chosen, trace):
 
 
 def of_load(chosen, trace):
-    """Newton's second law on level ground, from rows of the trace alone: coarser than the drive's own account.
+    """Check Newton's second law on level ground, from the rows of the trace alone, which is coarser than the drive's
+    own check.
 
-    Elsewhere normal forces have a part along the horizontal: a wheel in a corner is pressed by more than its weight.
+    On other ground, normal forces have a horizontal part: a wheel in a corner is pressed by more than its weight.
     """
     level = isinstance(chosen.model.terrain, Lanes) and not any(
         profile.z.any() for profile in chosen.model.terrain.profiles
@@ -89,9 +90,9 @@ def of_load(chosen, trace):
 
 
 def load_left(chosen, trace):
-    """Return the mean load in weights, less one, less what the body gained in upward momentum.
+    """Return the mean load divided by the weight, minus one, minus the mean upward acceleration of the body.
 
-    A stiff contact rings faster than the usual rows come, and their mean then is not that of the steps.
+    A stiff contact oscillates faster than the usual rows, so that their mean differs from the mean of the steps.
     """
     weight, time = chosen.model.gravity * chosen.model.built.mass, trace.t[-1] - trace.t[0]
     gained = (trace["body_vz"][-1] - trace["body_vz"][0]) / (chosen.model.gravity * time)
@@ -116,13 +117,13 @@ def of_stop(chosen, trace):
 
 
 def overflowed(stop, last):
-    """Whether rows that held no numbers were left out at the end."""
+    """Return whether rows with numbers that are not finite were omitted at the end."""
     match = re.search(r"at ([\d.]+) s$", stop)
     return match is not None and last < float(match[1]) - 1e-6
 
 
 def of_tolerance(chosen, trace):
-    """Whether a drive to its end that does not say otherwise is within its tolerance of a finer one."""
+    """Return whether a complete drive without a warning lies within its tolerance of a finer drive."""
     doubted = any(says(trace, what) for what in (STEP, LOAD, BALANCE))
     if trace.attrs["stop"] != "duration" or doubted or "step_error_m" not in trace.attrs:
         return []
@@ -149,7 +150,9 @@ def test_a_few_random_drives_are_sound():
 
 
 def test_a_start_that_the_soil_throws_off_is_told():
-    """Seed 47 stands where the torque form is unstable at S = 0; what the soil gave, the rover and its motors have."""
+    """The drive of seed 47 starts where the torque form is unstable at S = 0. The energy that the soil gave equals the
+    energy of rover and motors.
+    """
     assert faults(47)[:2] == ([], True)
     trace = random_drives.drive(47).drive(Timing())
     thrown = int(np.argmin(trace["energy_soil"]))
@@ -159,7 +162,9 @@ def test_a_start_that_the_soil_throws_off_is_told():
 
 
 def test_a_rest_stays_though_a_push_throws_it_off():
-    """Seed 651 stays where it was set down; pushed by 1 mm/s it leaves at any step, by 20 mm within .15 s."""
+    """The rover of seed 651 stays at rest. After a push by 1 mm/s it leaves at every step size, after a push by 20 mm/s
+    within 0.15 s.
+    """
     chosen = random_drives.drive(651)
     assert faults(651)[:2] == ([], True)
     stays = chosen.drive(Timing(), measure_error=False)

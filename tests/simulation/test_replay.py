@@ -1,4 +1,4 @@
-"""What a log's rows are made into before they are driven again: rows of equal distance, commands, place and rates."""
+"""Inputs of a replay: rows of equal distance, commands, positions and rates are computed from the rows of a log."""
 
 import math
 from dataclasses import dataclass
@@ -20,14 +20,16 @@ NAN = math.nan
 
 
 def log(period=0.05, count=40, attrs=None, **channels):
-    """A drive along x at 0.1 m/s from 2 s on, its one wheel a at duties that grow by the row."""
+    """Return a log of a drive along x at 0.1 m/s from 2 s on. Its only wheel has duties that grow from row to row."""
     t = 2.0 + period * np.arange(count)
     default = {"t_s": t, "body_x": 0.1 * (t - 2.0), "body_y": np.full(count, 0.5), "body_yaw": np.full(count, 0.3)}
     return Trace({**default, "duty_a": np.arange(count) / 100.0, **channels}, attrs=attrs or {})
 
 
 def test_fast_rows_are_averaged_to_50_ms_with_their_last_command():
-    """Of rows at 0, 10, ... ms those around 50 ms are 30 to 70 ms; the command is the one that came last, by 30 ms."""
+    """Of the rows at 0, 10, ... ms, the rows from 30 to 70 ms belong to the replay's row at 50 ms. The command is the
+    latest one until 30 ms.
+    """
     run = commands(log(period=0.01, count=101), ("a",), ())
     assert run.t == pytest.approx(2.0 + 0.05 * np.arange(21))
     assert run.place[1:-1, 0] == pytest.approx(0.005 * np.arange(1, 20))
@@ -35,7 +37,9 @@ def test_fast_rows_are_averaged_to_50_ms_with_their_last_command():
 
 
 def test_the_duty_between_uneven_rows_is_their_mean():
-    """Commands come every 50 ms, rows about then: a row has the command that acts when it is read, early or late."""
+    """Commands come every 50 ms, and rows near these times: each row contains the command that acts when the row is
+    read, early or late.
+    """
     duty_given = 0.4 + 0.3 * np.sin(np.arange(401) / 40.0)  # of each 50 ms, up to its row
     t = np.random.default_rng(1).uniform(-0.015, 0.015, 400) + 0.05 * np.arange(400)
     read = duty_given[np.ceil(t / 0.05 - 1e-9).astype(int).clip(0)]
@@ -49,7 +53,7 @@ def test_the_duty_between_uneven_rows_is_their_mean():
 
 
 def test_uneven_rows_are_read_at_the_times_of_the_replay():
-    """A first row that is late, from which the replay's rows are counted, does not make all others late."""
+    """The replay's rows are counted from a first row that is late. This does not delay all other rows."""
     t = np.random.default_rng(2).uniform(-0.012, 0.012, 200) + 0.05 * np.arange(200)
     t[0] = 0.018
     x = 0.1 * np.sin(t)
@@ -114,7 +118,9 @@ def test_a_replay_whose_numbers_are_lost_has_diverged():
 
 @dataclass(frozen=True)
 class Lurch(MotorEffect):
-    """torque = tau tanh(omega / omega_0): at rest it drives a wheel on by tau / omega_0 / I = 3,200 1/s."""
+    """A motor effect with torque = tau tanh(omega / omega_0). At rest it accelerates a wheel with the growth rate tau /
+    omega_0 / I = 3,200 1/s.
+    """
 
     title: ClassVar[str] = "lurch"
     meaning: ClassVar[str] = "drives a wheel on"
@@ -126,7 +132,9 @@ class Lurch(MotorEffect):
 
 
 def test_a_replay_follows_what_runs_away_within_a_row():
-    """Steps of 17 ms, of which each third ends at a row, took wheels through rest by up to 1.4 rad/s off."""
+    """With steps of 17 ms, every third of which ends at a row, the wheels would pass through rest with errors of up to
+    1.4 rad/s.
+    """
     model = scenario("flat").model
     duty = np.concatenate([np.full(60, 0.4), np.full(40, -0.3), np.linspace(-0.3, 0.3, 60)])
     rows = 0.05 * np.arange(len(duty))
@@ -141,7 +149,7 @@ def test_a_replay_follows_what_runs_away_within_a_row():
 
 
 def test_rows_from_the_first_that_is_too_fast_on_are_lost():
-    """It is looked at once in ten rows; pushed by 1 kN it passes 10 m/s between two looks."""
+    """The speed is checked at every tenth row. Under a force of 1 kN it exceeds 10 m/s between two checks."""
     model = scenario("flat").model
     rows, force = 0.05 * np.arange(40), np.where(np.arange(40) > 13, 1e3, 0.0)
     run = ReplayCommands(rows, np.full((40, 6), 0.4), np.zeros((40, 4)), np.full((40, 3), NAN), Start())
@@ -153,7 +161,9 @@ def test_rows_from_the_first_that_is_too_fast_on_are_lost():
 
 
 def test_commands_of_other_wheels_than_the_rovers_are_refused():
-    """The compiled loop reads as many numbers a row as the rover has wheels: it would read what lies behind them."""
+    """The compiled loop reads as many numbers in each row as the rover has wheels. With fewer numbers, it would read
+    memory that belongs to other data.
+    """
     drive = scenario("flat", duration=0.2)
     model, wheels = drive.model, tuple(wheel.name for wheel in drive.model.rover.wheels)
     for driven, steered, message in (

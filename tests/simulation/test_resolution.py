@@ -1,4 +1,4 @@
-"""A step too coarse for the ground is divided by itself, or refused."""
+"""A step that is too long for stiff ground is divided into parts, or refused."""
 
 import dataclasses
 import math
@@ -24,7 +24,9 @@ from rover_pin.terrain import shapes
 
 
 def test_stiffness_is_the_slope_of_the_sinkage_law():
-    """Against a difference of the compiled law's own normal force; the closed form holds for small angles."""
+    """The stiffness is compared with a difference of the compiled law's normal force. The closed form holds for small
+    angles.
+    """
     model = scenario("flat", **{"soil.k_1": 1e7}).model
     state = settled_state(model, Start())
     kernel = Kernel(model, state.copy(), 1e-9, symmetric=False)
@@ -46,7 +48,9 @@ def test_stiffness_scales_with_modulus_and_load_or_is_zero():
 
 @pytest.mark.parametrize("k_1", [1e6, 1e7])
 def test_contact_frequency_is_that_of_a_small_disturbance(k_1):
-    """Stable just below omega dt = 2, unstable just above, as Stoermer-Verlet's step must be: undamped, from rest."""
+    """An undamped disturbance is stable just below omega dt = 2 and unstable just above, which is the limit of a
+    Stoermer-Verlet step.
+    """
     model = scenario("flat", **{"soil.k_1": k_1, "effect.NormalDamping.d": 0.0}).model
     state = settled_state(model, Start())
     omega = contact_frequency(model, state)
@@ -63,7 +67,9 @@ def test_contact_frequency_is_that_of_a_small_disturbance(k_1):
 
 
 def test_the_frequency_is_that_of_the_rover_s_own_mass_matrix():
-    """omega^2 x = M^-1 U^T K U x under the differential, its multiplier among the unknowns: no inverse of a part."""
+    """The expected frequency solves omega^2 x = M^-1 U^T K U x under the differential, with its multiplier as an
+    unknown, so that no part of the matrix is inverted alone.
+    """
     model = scenario("flat").model
     state = settled_state(model, Start())
     rover = model.built
@@ -80,7 +86,9 @@ def test_the_frequency_is_that_of_the_rover_s_own_mass_matrix():
 @pytest.mark.parametrize("name", ["flat", "ditch", "hills"])
 @pytest.mark.parametrize("k_1", [3e7, 1e9])
 def test_stiff_ground_is_driven_with_the_weight_on_the_wheels(name, k_1):
-    """It used to hop by 36 to 152 mm under 6 to 137 times its weight, with an energy error below 1 %."""
+    """With an undivided step, the rover would hop by 36 to 152 mm under 6 to 137 times its weight, with an energy error
+    below 1 %.
+    """
     drive = scenario(name, duration=4.0, **{"soil.k_1": k_1, "soil.k": 0.01, "cruise_slip": 0.05})
     trace = drive.drive()
     weight = drive.model.rover.mass * drive.model.gravity
@@ -93,7 +101,7 @@ def test_stiff_ground_is_driven_with_the_weight_on_the_wheels(name, k_1):
 
 
 def test_ground_made_firmer_by_an_effect_needs_a_finer_step():
-    """Ruts pressed firm by the wheels in front: 24 times as stiff as the soil's own constants under the last axle."""
+    """The front wheels press ruts that are, under the last axle, 24 times as stiff as the soil's own constants."""
     settings = {"soil.k_1": 5e6, "soil.k": 0.01, "duration": 2.0}
     plain, firm = scenario("flat", **settings), scenario("flat", **settings)
     firm = dataclasses.replace(firm, model=firm.model.having(MultiPass(stiffening=5.0)))
@@ -133,7 +141,9 @@ def test_too_stiff_ground_is_refused_in_one_sentence():
 
 
 def test_steps_that_miss_the_load_say_so_or_are_halved(monkeypatch):
-    """As it was before the step was divided; where its error is measured, it is driven at a step that is stable."""
+    """The step is not divided here. Without the error estimate a warning is given; with it, the drive is repeated at a
+    stable step.
+    """
     monkeypatch.setattr("rover_pin.simulation.stepping.tolerance.parts", lambda *_: 1)
     measured = scenario("flat", duration=4.0, **{"soil.k_1": 3e7, "soil.k": 0.01}).drive()
     assert (measured.attrs["dt_s"] < 0.005, measured.attrs["warnings"]) == (True, [])
@@ -153,7 +163,9 @@ def test_a_replay_on_stiff_ground_divides_its_step_too():
 
 
 def park(**settings):
-    """The cart on a slope with a slip law and a shear so stiff that one step sweeps across it."""
+    """Return the cart on a slope with a slip law and a shear that are so stiff that one step passes over the whole
+    range of slip.
+    """
     return scenario(
         "park", rover="cart", form="gross", slip="algebraic", duration=2.0, gravity=11.06,
         **{"soil.k": 0.0006, "soil.phi_deg": 12.7, "soil.k_1": 3.7e6, "start.yaw_deg": -77.0, **settings},
@@ -161,7 +173,9 @@ def park(**settings):
 
 
 def test_shear_stiffer_than_the_step_does_not_shake_wheels_loose():
-    """It used to slide by 3.9 m in 4 s; steps 4 and 32 times finer creep by 2.1 mm."""
+    """With an unstable step, the cart would slide by 3.9 m in 4 s. Steps that are 4 and 32 times finer creep
+    by 2.1 mm.
+    """
     drive = park()
     coarse = drive.drive()
     fine = dataclasses.replace(drive, timing=dataclasses.replace(drive.timing, divided=16)).drive()
@@ -170,7 +184,9 @@ def test_shear_stiffer_than_the_step_does_not_shake_wheels_loose():
 
 
 class Rough:
-    """A way in time whose forces turn within `span`: a step of `length` there is misjudged by rate length^2."""
+    """A motion in time whose forces change fast within `span`: there, a step of `length` has the forecast error rate
+    length^2.
+    """
 
     def __init__(self, span, rate, explodes=math.inf):
         self.span, self.rate, self.explodes = span, rate, explodes
@@ -197,7 +213,7 @@ class Rough:
 
 
 class Growing(Rough):
-    """A way whose forces push away what a step of 16 or more cannot follow, and misjudge nothing."""
+    """A motion whose speed grows within `span` in steps of 16 or more, without any forecast error."""
 
     def __init__(self, span):
         super().__init__(span, 0.0)
@@ -218,7 +234,7 @@ def driven(stub, steps=8, commanded=lambda k: k == 0):
 
 @pytest.mark.parametrize("commanded", [True, False])
 def test_step_that_is_outgrown_is_repeated_in_quarters_at_once(commanded):
-    """Also the last before a command, at whose end nobody looks."""
+    """This also holds for the last step before a command, whose end is not examined otherwise."""
     stub = Growing((150.0, 200.0))
     driven(stub, commanded=lambda k: commanded)
     inside = [length for begin, length in stub.kept if 150.0 <= begin < 200.0]
@@ -228,7 +244,9 @@ def test_step_that_is_outgrown_is_repeated_in_quarters_at_once(commanded):
 
 
 def test_step_with_mispredicted_forces_is_repeated_in_quarters():
-    """Steps of 4 make 0.8 ROUGH where those of 16 make 12.8 ROUGH: none that is worse is kept."""
+    """Steps of 4 have the error 0.8 ROUGH, and steps of 16 have 12.8 ROUGH. No step with a larger error than ROUGH is
+    kept.
+    """
     stub = Rough((130.0, 200.0), ROUGH / 20.0)
     driven(stub)
     assert max(length for begin, length in stub.kept if 130.0 <= begin < 200.0) <= 4.0
@@ -244,7 +262,7 @@ def test_steps_are_as_long_as_asked_where_no_force_turns():
 
 
 def test_a_step_before_a_command_is_not_taken_again():
-    """What comes after it is taken in quarters all the same."""
+    """The steps after it are nevertheless taken in quarters."""
     stub = Rough((128.0, 192.0), ROUGH / 1000.0)
     driven(stub, commanded=lambda k: True)
     assert (128.0, 64.0) in stub.kept
@@ -260,7 +278,7 @@ def test_a_step_that_explodes_is_taken_again_until_the_finest():
 
 
 def rows_of(model, count, duration=3.0):
-    """Rows of a rover at rest."""
+    """Return rows of a rover at rest."""
     rows = np.zeros(count, dtype=row_type(model))
     rows["t"] = np.linspace(0.0, duration, count)
     normal = rows["record"][:, :, RECORD.index("normal")]
@@ -271,7 +289,7 @@ def rows_of(model, count, duration=3.0):
 
 @pytest.mark.parametrize("rise", [0.0, 0.6])
 def test_what_carries_more_than_the_weight_speeds_up_the_rover(rise):
-    """Newton: I . up = m g T + m dv. What was gained along the slope is no weight."""
+    """Newton's second law: I . up = m g T + m dv. Momentum along the slope does not count as weight."""
     model = scenario("flat").model
     model = dataclasses.replace(model, rover=model.rover.rising(rise, 0.0))
     rows, mass, up = rows_of(model, 60), model.built.mass, model.built.up
@@ -319,7 +337,7 @@ def test_energy_that_does_not_balance_is_told():
 
 
 def test_rows_from_the_first_nonfinite_number_on_are_dropped():
-    """A rover that diverges overflows: its trace used to hold NaN."""
+    """The numbers of a diverging rover overflow; its trace must contain no NaN."""
     rows = rows_of(scenario("flat").model, 9)
     assert len(finite(rows)) == 9
     rows["q"][5, 2], rows["energy"][7, 0] = np.nan, np.inf

@@ -1,4 +1,5 @@
-"""The generated rigid body against Pinocchio's own algorithms, on every rover and on random trees."""
+"""The generated rigid body is compared with Pinocchio's own algorithms, for every rover and for random trees
+of joints."""
 
 import numpy as np
 import pinocchio as pin
@@ -21,7 +22,9 @@ TIGHT = 1e-12
 
 
 def parts(model, q, v):
-    """The generated column in parts, by CasADi's own machine: inertia, bias, axes, points, rotation, potential."""
+    """Return the parts of the generated output, computed by CasADi's interpreter: inertia, bias, axes, points,
+    rotation, potential.
+    """
     tree = tree_of(model)
     function = rigid_body(tree.joints, model.nq, model.nv)
     out = np.array(function(np.concatenate([q, v, model.gravity.linear]), [], tree.parameters)).ravel()
@@ -87,7 +90,9 @@ KINDS = (
 
 @st.composite
 def trees(draw):
-    """A free base with up to 42 joints, in any tree (branch after branch, as Pinocchio has it), with rotors."""
+    """Return random rovers: a free base with up to 42 joints and rotors in any tree, branch after branch as in
+    Pinocchio.
+    """
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     model = pin.Model()
     at = [model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")]
@@ -120,7 +125,7 @@ def test_random_trees(made):
 
 @pytest.mark.parametrize("name", ["nexus6", "cart"])
 def test_the_compiled_body_is_what_pinocchio_says(name):
-    """Energies, and what the step sees: the same function, as the compiler has it."""
+    """The energies and the inputs of the step come from the compiled form of the generated function."""
     rover = load_rover(name)
     soil = Soil()
     model_built = Model(

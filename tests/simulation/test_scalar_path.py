@@ -1,5 +1,5 @@
-"""Without vector math, and in the portable mode, the step and the laws are compiled from the same source, and drive the
-same.
+"""Without vector functions, and in the portable mode, step and laws are compiled from an equal source, and drive
+equally.
 """
 
 import os
@@ -30,7 +30,7 @@ assert commands and {*for_this, *vectors} == {sys.argv[1] == "lanes" and VECTORS
 
 @pytest.mark.slow
 def test_a_drive_without_vector_math_is_the_same(tmp_path):
-    """What 100 steps make of other rounding stays below 1e-11 of what a channel reaches."""
+    """Other rounding changes a channel within 100 steps by less than 1e-11 of its largest value."""
     from rover_pin.simulation.compiled.toolchain import has_vector_math, level
 
     vectors = bool(level() and has_vector_math())

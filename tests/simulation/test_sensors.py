@@ -1,4 +1,6 @@
-"""Sensors: the declared noise, no truth, the same seed the same log; what a controller reads through them."""
+"""Sensors: their noise is as declared, they reveal no true values, and equal seeds give equal logs. A controller reads
+through them.
+"""
 
 import dataclasses
 
@@ -53,7 +55,9 @@ def test_effects_do_as_they_say(trace):
 
 
 def test_a_tracked_point_moves_with_the_body_it_is_on():
-    """Rigid-body kinematics by a rotation matrix; where a replay was drawn to another heading, by where it points."""
+    """The expected motion follows from a rotation matrix. If a replay was pulled to another heading, the pulled heading
+    counts.
+    """
     t = np.arange(0.0, 10.0, 0.01)
     yaw = 0.3 + 0.2 * np.sin(t)
     body = {"body_x": t, "body_y": t**2, "body_vx": 1.0 + 0.0 * t, "body_vy": 2.0 * t}
@@ -102,7 +106,7 @@ def test_each_channel_has_the_noise_and_the_step_of_its_kind(channel):
 
 
 def reading(count):
-    """A reading of many wheels and joints, all at rest."""
+    """Return a reading of many wheels and joints, all at rest."""
     fields = {field.name: 0.0 for field in dataclasses.fields(Reading)}
     rooms = dict.fromkeys(("wheel_rate", "current", "suspension"), np.full(count, 0.1))
     return Reading(**{**fields, **rooms, "attitude": (0.1, 0.2, 0.3)})

@@ -1,4 +1,6 @@
-"""A lagging slip stores energy in sheared soil and gives it back: the account against quadrature and closed forms."""
+"""A slip that lags stores energy in sheared soil and returns it: the account is compared with quadrature and closed
+forms.
+"""
 
 import dataclasses
 
@@ -24,7 +26,7 @@ def M(model, S):
 
 
 def sheared(trace, slip, load):
-    """A trace whose front left wheel alone has this slip, under this load; no other wheel is loaded."""
+    """Return a trace in which only the front left wheel carries a load and has this slip."""
     rows = len(slip)
     channels = {name: np.zeros(rows) for name in trace.channels} | {"t_s": np.linspace(0.05, 1.0, rows)}
     channels |= {"slip_fl": np.asarray(slip), "normal_fl": np.broadcast_to(np.asarray(load, float), rows)}
@@ -33,7 +35,9 @@ def sheared(trace, slip, load):
 
 @pytest.mark.parametrize("top", [0.05, 0.6, -0.4, -1.0])
 def test_what_was_stored_comes_back_at_a_steady_load(flat, top):
-    """L f_n int M ds by quadrature, over a slip that rises and falls; after the way back nothing is missing."""
+    """The stored energy L f_n int M ds is computed by quadrature over a slip that rises and falls. At the end nothing
+    remains stored.
+    """
     model, trace = flat
     store = shear_store(model, sheared(trace, [*np.linspace(0.0, top, 40), *np.linspace(top, 0.0, 40)], 20.0))
     work = float(model.slip.length) * 20.0 * quad(lambda S: M(model, S), 0.0, top)[0]
@@ -44,7 +48,9 @@ def test_what_was_stored_comes_back_at_a_steady_load(flat, top):
 
 
 def test_a_load_that_grows_on_sheared_soil_overdraws_the_store(flat):
-    """Sheared under 10 N and let go under 30 N it gives three times what it took: twice that is from nowhere."""
+    """Soil that is sheared under 10 N and released under 30 N returns three times its stored energy. Two thirds of this
+    are created energy.
+    """
     model, trace = flat
     up, down = np.linspace(-0.1, 0.5, 40), np.linspace(0.5, -0.1, 40)
     store = shear_store(model, sheared(trace, [*up, *down], [10.0] * 40 + [30.0] * 40))
@@ -52,7 +58,9 @@ def test_a_load_that_grows_on_sheared_soil_overdraws_the_store(flat):
 
 
 def test_the_state_lags_behind_the_slip_by_its_damping(flat):
-    """S = s + T ds/dt: after a step of S by 0.2 the state has come 1 - e^(-t / T) of the way, and the store with it."""
+    """S = s + T ds/dt: after a step of S by 0.2, the state has reached the fraction 1 - e^(-t / T), and so has the
+    stored energy.
+    """
     model, trace = flat
     damped = model.having(dataclasses.replace(model.slip, damping=0.1))
     rows = 2000
@@ -65,7 +73,7 @@ def test_the_state_lags_behind_the_slip_by_its_damping(flat):
 
 @pytest.mark.parametrize(("name", "settings"), [("ditch", {"soil.k": 0.01}), ("bump", {}), ("washboard", {})])
 def test_scenario_drive_regains_its_stored_energy_and_no_more(name, settings, monkeypatch):
-    """Without its store the ditch was told of .021 J from nowhere; of the power nothing is left over but rounding."""
+    """Without the account of stored energy, the ditch would be warned of 0.021 J. With it, only round-off remains."""
     case = scenario(name, soil="table-1", **settings)
     trace = case.drive()
     assert not any("nowhere" in warning for warning in trace.attrs["warnings"])

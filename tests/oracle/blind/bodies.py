@@ -1,7 +1,7 @@
-"""Equation of motion by spatial vectors in world axes about the base's origin; the runs are the last axis.
+"""Equations of motion by spatial vectors in world axes about the base's origin. The last axis is the run.
 
-Speeds u = (dp/dt, omega, angle rates). A motion is a pair (spin, velocity at the origin), a force (moment about the
-origin, force).
+The speeds are u = (dp/dt, omega, angle rates). A motion is a pair (angular velocity, velocity at the origin), a force
+is a pair (moment about the origin, force).
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ def dot(a, b):
 
 
 def times(R, a):
-    """R a for R [3, 3, ...], a [3, ...]."""
+    """Return R a for R [3, 3, ...] and a [3, ...]."""
     return R[:, 0] * a[0] + R[:, 1] * a[1] + R[:, 2] * a[2]
 
 
@@ -38,7 +38,7 @@ def rotation_of(quaternion):
 
 
 class Frames(NamedTuple):
-    """Links in world axes, places seen from the base's origin."""
+    """Rotations of the links in the world, and positions relative to the base's origin."""
 
     rotation: np.ndarray
     "[3, 3, links, runs]"
@@ -85,13 +85,13 @@ class Bodies:
         return Frames(rotation, place, axis, cross(place[:, 1:], axis))
 
     def speeds(self, frames, u, rows):
-        """Return spin and velocity at the base's origin of links, given by their rows of `above`."""
+        """Return angular velocity and velocity at the base's origin of the links with these rows of `above`."""
         rate = self.collect @ u[6:]
         spin = u[3:6, None] + np.matmul(rows, frames.axis * rate)
         return spin, u[:3, None] + np.matmul(rows, frames.moment * rate)
 
     def dynamics(self, frames, u, gravity):
-        """Return mass matrix [speeds, speeds, runs] and bias (weight included); gravity is a vector [3, runs]."""
+        """Return the mass matrix [speeds, speeds, runs] and the bias with the weight. Gravity is a vector [3, runs]."""
         runs = u.shape[1]
         m = self.mass
         centre = frames.place + times(frames.rotation, self.com)

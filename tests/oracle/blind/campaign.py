@@ -1,7 +1,8 @@
-"""One data set: six drives of 20 s on a bed of four lanes, its true numbers, and what its log declares of them.
+"""Plan one data set: six drives of 20 s on a bed with four lanes, the true numbers, and the declarations of its log.
 
-Across the bed, from right to left: flat; a ramp up and down; waves, others under the left wheels than under the right.
-True ground = declared ground + small relief, raked anew for every run; the soil's strength varies along the way.
+From right to left, the lanes of the bed are level, a ramp up and down, and waves that differ between the left and the
+right wheels. The true ground is the declared ground plus a small relief, which is drawn anew for every run. The
+strength of the soil varies along the path.
 """
 
 from math import radians
@@ -40,14 +41,14 @@ log tells them. Sources: 0.02 a firm track, 0.10 loose sand under light wheels, 
 
 
 def draw(random, sd, most):
-    """Return a normal number, drawn again until it is within +-most."""
+    """Return a normal random number, drawn again until it lies within +-`most`."""
     while abs(value := sd * random.standard_normal()) > most:
         pass
     return value
 
 
 def nuisance(random, wrong, vehicle=NEXUS6):
-    """Return the set's true numbers, and what is declared of soil and motor: in proportion to the rover."""
+    """Return the true numbers of the set, and the declared numbers of soil and motor in proportion to the rover."""
     off = {name: draw(random, SD[name], MOST[name]) for name in SD}
     true = {"phi": PLAIN["phi"] + off["phi"]} | {name: PLAIN[name] * np.exp(off[name]) for name in ("k", "k_1")}
     true["constant"] = MOTOR["k_t"] * MOTOR["gear"] * np.exp(off["gear"])
@@ -74,7 +75,7 @@ def nuisance(random, wrong, vehicle=NEXUS6):
 
 
 def declared(message, sd, vehicle=NEXUS6):
-    """Return the tables [soil] and [motor] of the log; `said` and `sd` are of Nexus 6's wheels."""
+    """Return the tables [soil] and [motor] of the log; `said` and `sd` hold for the wheels of Nexus 6."""
     message = message | {name: message[name] * vehicle.ratio(kind) for name, kind in (("k", "length"), ("k_1", "Pa"))}
     kinds = {"resistance": "ohm", "gear": "length", "rotor_inertia": "current"}
     constants = {name: value * vehicle.ratio(kinds[name]) if name in kinds else value for name, value in MOTOR.items()}
@@ -100,7 +101,7 @@ def plain(table):
 
 
 def bed(random):
-    """Return the declared heights of the four lanes [m] at X."""
+    """Return the declared heights of the four lanes [m] at the positions X."""
     steep = radians(random.uniform(6.0, 8.5))
     up, top = random.uniform(-0.30, -0.20), random.uniform(0.0, 0.12)
     length = random.uniform(0.28, 0.36)
@@ -130,7 +131,7 @@ def smooth_noise(random, shape, length, x=FINE):
 
 
 def relief(random, x=FINE):
-    """Return relief under the right and the left wheels whose slope is RELIEF_SLOPE rms."""
+    """Return the relief under the right and the left wheels; its RMS slope is RELIEF_SLOPE."""
     rough = smooth_noise(random, (2,), RELIEF_LENGTH, x)
     slope = np.sqrt(np.mean((np.diff(rough, axis=1) / (x[1] - x[0])) ** 2))
     return rough * RELIEF_SLOPE / slope
@@ -192,14 +193,14 @@ def drives(random):
 
 
 def electric(set_index):
-    """Tell whether this set logs currents and the battery's voltage: every other one."""
+    """Return whether this set logs the currents and the battery's voltage, as every second set does."""
     return set_index % 2 == 0
 
 
 def data_set(seed, index, kind, hidden, under="plain"):
-    """Return the set's plan: runs to drive, what its log declares, what its sensors do, and the truth.
+    """Return the plan of the set: the runs, the declarations of the log, the errors of the sensors, and the truth.
 
-    `under` is a circumstance; nothing else of the set hangs on it.
+    `under` is a circumstance, such as another rover. It does not change any other random choice of the set.
     """
     random = np.random.default_rng([seed, index, 1])
     vehicle = circumstance.vehicle(under)
@@ -242,7 +243,7 @@ def data_set(seed, index, kind, hidden, under="plain"):
 
 
 def snags(random):
-    """Return when a cable catches: three to five times a run, for half a second to two."""
+    """Return the times at which a cable catches: three to five times in a run, for 0.5 to 2 s."""
     count = int(random.integers(3, 6))
     begin = np.sort(random.uniform(2.0, 18.0, count))
     return tuple((float(b), float(d)) for b, d in zip(begin, random.uniform(0.5, 2.0, count), strict=True))

@@ -1,7 +1,8 @@
-"""Under what a set is driven and read, besides what it hides: another rover, the Moon, a poor tracker or encoders.
+"""Circumstances of a data set in addition to the hidden effect: another rover, the Moon, a poor tracker, or coarse
+encoders.
 
-Nothing of this is a finding: a log says its rover, its gravity and its encoders; no tracker says how it drifts, where
-it lost the rover or took it for another, and no logger when it was late.
+None of these is a finding. A log states its rover, its gravity and its encoders. No tracker states its drift, the times
+at which it lost the rover or followed another object, and no logger states its delays.
 """
 
 import numpy as np
@@ -30,7 +31,7 @@ NAMES = tuple(SHARES)
 
 
 def drawn(seed, index, hidden=()):
-    """Return the circumstance of a set: one whose rover has the parts that the hidden effects act in."""
+    """Return a random circumstance whose rover has the parts in which the hidden effects act."""
     random = np.random.default_rng([seed, index, 4])
     while not fits(name := str(random.choice(NAMES, p=list(SHARES.values()))), hidden):
         pass
@@ -38,7 +39,7 @@ def drawn(seed, index, hidden=()):
 
 
 def fits(name, hidden):
-    """Tell whether the rover of a circumstance has what is hidden."""
+    """Return whether the rover of a circumstance has the parts in which the hidden effects act."""
     return all(vehicle(name).has(hidden_effect["effect"], hidden_effect["numbers"]) for hidden_effect in hidden)
 
 
@@ -48,12 +49,12 @@ def vehicle(name):
 
 
 def numbers(name):
-    """Return the numbers of a run that differ."""
+    """Return the numbers of a run that the circumstance changes."""
     return {"gravity": MOON} if name == "moon" else {}
 
 
 def sampled(name, channels, random):
-    """Return true channels at the rows that a circumstance takes; duties are held from row to row."""
+    """Return the true channels at the rows that a circumstance records. Duties are constant from row to row."""
     if name != "patchy":
         return channels
     t = channels["t_s"]
@@ -68,13 +69,13 @@ def sampled(name, channels, random):
 
 
 def read(name, channels, random):
-    """Return logged channels as they are read under a circumstance."""
+    """Return the logged channels with the errors of a circumstance."""
     change = {"drift": drifting, "coarse": counted, "patchy": patched}.get(name)
     return channels if change is None else change(channels, random)
 
 
 def patched(channels, random):
-    """Return the channels with poses that are another's or not there, and without the rows that were not written."""
+    """Return the channels with missing or foreign poses, and without the rows that the logger lost."""
     t, pose = channels["t_s"], [name for name in channels if name.startswith("body_")]
     changed = {name: values.copy() for name, values in channels.items()}
     count = int(random.integers(SPIKES[0], SPIKES[1] + 1))
@@ -91,13 +92,13 @@ def patched(channels, random):
 
 
 def within(t, random, duration):
-    """Return which rows lie in a stretch of this duration [s], from its least to its most."""
+    """Return a mask of the rows that lie in a stretch of this duration [s], between its smallest and largest value."""
     begin, length = random.uniform(t[0], t[-1]), random.uniform(*duration)
     return (t > begin) & (t < begin + length)
 
 
 def drifting(channels, random):
-    """Return the channels with a pose that wanders, a smooth Gaussian process from 0 at the start."""
+    """Return the channels with a pose that drifts: a smooth Gaussian process that begins at 0."""
     t = channels["t_s"]
     waves = 12
     wanders = dict(channels)
@@ -110,7 +111,9 @@ def drifting(channels, random):
 
 
 def counted(channels, random):
-    """Return the channels with wheel rates from whole counts between two rows, and angles in coarse steps."""
+    """Return the channels with wheel rates from whole encoder counts between two rows, and with angles in
+    coarse steps.
+    """
     t, encoded = channels["t_s"], dict(channels)
     step = 2 * np.pi / COUNTS
     for name in [name for name in channels if name.startswith("wheel_rate_")]:
@@ -126,7 +129,9 @@ def counted(channels, random):
 
 
 def noise(name, sample_period=0.05):
-    """Return the noise that the log declares otherwise, by kind: a count's two roundings, an angle's one."""
+    """Return the noise that the log declares differently, by kind: two roundings of a count, one rounding of
+    an angle.
+    """
     if name in KNOWN:
         return {"current": round(CURRENT * KNOWN[name].load, 5)}
     if name != "coarse":

@@ -1,4 +1,6 @@
-"""Logs of section 4's kind: a slope that steepens climbed at constant duty, by the independent simulator."""
+"""Drive logs for the method of section 4 of the paper: the independent simulator climbs a slope of growing inclination
+at constant duty.
+"""
 
 from math import radians
 
@@ -20,14 +22,14 @@ CONSTANTS_SD, DURATION = 0.015, 60.0
 
 
 def slope(x):
-    """Return the height of the slope: the integral of tan(RATE s), then straight on."""
+    """Return the height of the slope: the integral of tan(RATE s), then a straight continuation."""
     s, end = np.maximum(x - FROM, 0.0), STEEPEST / RATE
     bent = -np.log(np.cos(RATE * np.minimum(s, end))) / RATE
     return bent + np.tan(STEEPEST) * np.maximum(s - end, 0.0)
 
 
 def run(numbers, random, duration=DURATION, duty=0.55):
-    """Return a climb of a rover whose motors differ a little."""
+    """Return a climb of a rover whose motors differ slightly."""
     true = dict(numbers)
     lane = (X, slope(X))
     rows = round(duration / HOLD) + 1
@@ -37,14 +39,18 @@ def run(numbers, random, duration=DURATION, duty=0.55):
 
 
 def climbs(truths, seed, duration=DURATION):
-    """Return the true channels of a climb a row of `truths` (dictionaries of numbers), all driven at once."""
+    """Return the true channels of one climb for each row of `truths` (dictionaries of numbers); all are
+    driven at once.
+    """
     runs = [run(numbers, np.random.default_rng([seed, at]), duration) for at, numbers in enumerate(truths)]
     channels = drive(runs, duration)
     return [(climb_run, {name: values[at] for name, values in channels.items()}) for at, climb_run in enumerate(runs)]
 
 
 def write_climb(folder, climb, seed, electric=True, sure=False):
-    """Write what sensors make of a climb: noise, six tachometers' gains, a torque constant declared a little off."""
+    """Write the log of a climb as sensors record it: with noise, six gains of tachometers, and a declared torque
+    constant that is slightly wrong.
+    """
     item, channels = climb
     random = np.random.default_rng(seed)
     gains = 1.0 + (0.0 if sure else TACHO_SPREAD) * random.standard_normal(6)

@@ -1,4 +1,4 @@
-"""What a piece of ground does to a wheel: the base laws and every hidden effect of soil and rim, on flat arrays."""
+"""Forces of a piece of ground on a wheel: the base laws and every hidden effect of soil and rim, on flat arrays."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ SIDEWAYS_SHARE, LEAST_SHARE, EDGE = 0.05, 0.05, 0.005
 
 
 class Load(NamedTuple):
-    """In the world's sense of forwards, whatever the direction of travel."""
+    """Loads whose forward direction is that of the world, whatever the direction of travel."""
 
     f_t: np.ndarray
     f_y: np.ndarray
@@ -30,7 +30,7 @@ SIGNS = (-1.0, -1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0)
 
 
 class Contact:
-    """The laws of one batch; only the effects that some run has are computed."""
+    """The contact laws of one batch. Only the effects that act in at least one run are computed."""
 
     def __init__(self, world):
         self.world = world
@@ -44,7 +44,7 @@ class Contact:
         self.strength = strength_fields(world.runs)
 
     def place(self, pieces, x, side):
-        """Return what the law needs of pieces whose wheels [wheels x runs] stand at x on a side (0 right, 1 left)."""
+        """Return the inputs of the law for pieces whose wheels [wheels x runs] are at x on a side (0 right, 1 left)."""
         runs = self.world.size
         run, wheel = pieces.wheel % runs, pieces.wheel // runs
         p = dict(zip(self.names, self.table.take(run, axis=1), strict=True))
@@ -69,7 +69,7 @@ class Contact:
         return p
 
     def load(self, p, speeds, along, across, dug):
-        """Return the load; within the travel speed around rest, a blend of both directions."""
+        """Return the load. If the travel speed is near 0, the load is a blend of both directions."""
         z = np.clip(0.5 * (speeds[0] + speeds[3]) / p["travel_speed"], -1.0, 1.0)
         sense = np.where(z < 0.0, -1.0, 1.0)
         load = self.sensed(p, sense, speeds, along, across, dug)
@@ -191,20 +191,20 @@ def side_force(S_y, f_n, f_t, length, p, soil):
 
 
 def lugged(S, q):
-    """Return the slip of a rim q times as large: v / (r omega) falls by q."""
+    """Return the slip of a rim that is q times as large: v / (r omega) is divided by q."""
     ratio = soils.travel_ratio(S) / q
     return np.where(ratio <= 1.0, 1.0 - ratio, 1.0 / ratio - 1.0)
 
 
 def bank(h, phi, c, gamma):
-    """Return the earth pressure on a plate of height h, per width."""
+    """Return the earth pressure on a plate of height h, for each metre of width."""
     tilt = np.pi / 4 - phi / 2
     cot = 1.0 / np.tan(tilt)
     return (cot + np.tan(tilt + phi)) * (c * h + (cot + cot**2 * np.tan(phi)) * gamma * h**2 / 2)
 
 
 def peak(S, arms, p, soil, f_n, factor):
-    """Return by what share f_n grows and by how much torque / (r f_n) then changes, times r."""
+    """Return the relative increase of f_n, and the change of torque / (r f_n) that follows, times r."""
     r, b, share = p["r"], p["b"], p["PeakStress.share"]
     peaks = []
     for theta_1, theta_2 in arms:
@@ -218,7 +218,7 @@ def peak(S, arms, p, soil, f_n, factor):
 
 
 def patch(x, x_from, length):
-    """Return 1 on the patch, 0 beyond, with edges 10 mm wide."""
+    """Return 1 on the patch and 0 outside, with edges that are 10 mm wide."""
     return 0.5 * (np.tanh((x - x_from) / EDGE) - np.tanh((x - x_from - length) / EDGE))
 
 
@@ -229,7 +229,7 @@ def part_of(value, index):
 
 
 class Fields(NamedTuple):
-    """Factor of tan phi on an even grid along x [runs, sides, points]."""
+    """Factors of tan phi on an evenly spaced grid along x [runs, sides, points]."""
 
     first: np.ndarray
     gap: np.ndarray

@@ -1,4 +1,6 @@
-"""Fixed steps: half a drift of the pose, a second-order Runge-Kutta-Chebyshev kick of the rest, half a drift."""
+"""Fixed time steps: half a drift of the pose, a second-order Runge-Kutta-Chebyshev step of all other states, half a
+drift.
+"""
 
 from functools import lru_cache
 
@@ -32,7 +34,7 @@ def chebyshev(stages):
 
 @lru_cache(maxsize=16)
 def stage_times(stages, step):
-    """Return when each stage stands, from the recursion itself on y' = 1."""
+    """Return the times of the stages, from the recursion itself applied to y' = 1."""
     first, rows = chebyshev(stages)
     at = [0.0, first * step]
     for mu, nu, mu_t, gamma_t in rows:
@@ -41,7 +43,7 @@ def stage_times(stages, step):
 
 
 def kick(rate, t, y, step, stages=STAGES):
-    """Return y one step on, and what `rate(t, y)` recorded at its beginning."""
+    """Return y after one step, and the values that `rate(t, y)` recorded at its beginning."""
     first, rows = chebyshev(stages)
     times = stage_times(stages, step)
     start, record = rate(t, y)
@@ -54,7 +56,7 @@ def kick(rate, t, y, step, stages=STAGES):
 
 
 def drifted(state, step, size):
-    """Return the state with its pose moved on at its speeds."""
+    """Return the state whose pose has moved with its speeds."""
     u = state.fast[:size]
     turn = u[3:6] * step
     angle = np.sqrt(np.sum(turn**2, axis=0))
@@ -68,7 +70,7 @@ def drifted(state, step, size):
 
 
 def rest(rovers, step=0.005, first=200, second=350, stages=6):
-    """Return the rovers set down at their starts: straight down, then held by the shear of the soil alone."""
+    """Return the rovers at rest at their starts: first lowered vertically, then held by the shear of the soil alone."""
     world, size = rovers.world, rovers.size
     x, y, yaw = np.array([run.start for run in world.runs], dtype=float).T
     state = set_down(rovers, x, y, yaw)
@@ -95,7 +97,7 @@ def rest(rovers, step=0.005, first=200, second=350, stages=6):
 
 
 def set_down(rovers, x, y, yaw):
-    """Return states a little above the ground, pitched as the ground is between the outer wheels."""
+    """Return states slightly above the ground, pitched like the ground between the outer wheels."""
     world, reach = rovers.world, 0.15 * rovers.vehicle.length
     c = np.cos(yaw)
     ahead, behind = (rovers.ground.height((x + i * reach * c)[None], y[None])[0] for i in (1, -1))
@@ -112,7 +114,7 @@ def set_down(rovers, x, y, yaw):
 
 
 def drive(runs, duration, step=STEP, stages=STAGES, start=None, vehicle=NEXUS6):
-    """Return the true channels of all runs of a rover, each [runs, rows], rows every SAMPLE seconds."""
+    """Return the true channels of all runs of a rover, each [runs, rows], with a row every SAMPLE seconds."""
     rovers = Rovers(runs, vehicle)
     state, size = rest(rovers) if start is None else start, rovers.size
     per_hold, per_sample = round(HOLD / step), round(SAMPLE / step)
@@ -136,7 +138,7 @@ def drive(runs, duration, step=STEP, stages=STAGES, start=None, vehicle=NEXUS6):
 
 
 def sampled(rovers, t, state, record, duty):
-    """Return one row of channels named as in a drive log, and the slip."""
+    """Return one row of the channels, named as in a drive log, and the slip."""
     u, tree, vehicle = state.fast[: rovers.size], rovers.tree, rovers.vehicle
     R = rotation_of(state.quaternion)
     row = {"t_s": np.full(rovers.world.size, t)}

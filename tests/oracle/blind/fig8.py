@@ -1,7 +1,8 @@
-"""The drive log of Fig 8: sand that gives way at once, wheels that dig, a slope that steepens; by this simulator.
+"""The drive log of Fig 8, made by this simulator: sand whose grip builds up at once, wheels that dig, and a slope of
+growing inclination.
 
-python tests/oracle/blind/fig8.py --out studies/data/steepening-slope writes it again, to the last digit. What is hidden
-is `DiggingMemory`; the declared k is more than twice the true one.
+python tests/oracle/blind/fig8.py --out studies/data/steepening-slope writes the log again, equal to the last digit. The
+hidden effect is `DiggingMemory`. The declared k is more than twice the true k.
 """
 
 import argparse
@@ -39,14 +40,14 @@ ROWS = round(DURATION / HOLD) + 1
 
 
 def height(x):
-    """Return the integral of tan(RATE s), then straight on."""
+    """Return the height of the slope: the integral of tan(RATE s), then a straight continuation."""
     s, end = np.maximum(x - FROM, 0.0), STEEPEST / RATE
     bent = -np.log(np.cos(RATE * np.minimum(s, end))) / RATE
     return bent + np.tan(STEEPEST) * np.maximum(s - end, 0.0)
 
 
 def steps(random, low, high, side=0.08, longest=5.0):
-    """Return duties that are held for some seconds, a little apart from wheel to wheel [ROWS, 6]."""
+    """Return duties that are constant for some seconds and that differ slightly between wheels [ROWS, 6]."""
     duty, at = np.empty((ROWS, 6)), 0
     while at < ROWS:
         until = at + round(random.uniform(2.5, longest) / HOLD)
@@ -56,7 +57,7 @@ def steps(random, low, high, side=0.08, longest=5.0):
 
 
 def between(duty, begin, end, factor):
-    """Return the duties with those from `begin` to `end` [s] multiplied."""
+    """Return the duties, multiplied by a factor from `begin` to `end` [s]."""
     changed = duty.copy()
     changed[round(begin / HOLD) : round(end / HOLD)] *= factor
     return changed
@@ -79,7 +80,7 @@ def drives(random):
 
 
 def plan(seed=SEED, true=TRUE):
-    """Return the runs and what the log declares."""
+    """Return the runs and the declarations of the log."""
     random = np.random.default_rng([seed, 0])
     gains = {"motor": 1.0 + campaign.MOTOR_SPREAD * random.standard_normal(6)}
     gains["tacho"] = 1.0 + campaign.TACHO_SPREAD * random.standard_normal(6)
@@ -109,7 +110,7 @@ def plan(seed=SEED, true=TRUE):
 
 
 def told(seed, true):
-    """Return the lines that say what is hidden."""
+    """Return the lines that state the hidden effect."""
     if (seed, true) != (SEED, TRUE):
         numbers = ", ".join(f"{name} = {value:.6g}" for name, value in true.items())
         return (f"True: {numbers}. Written by tests/oracle/blind/fig8.py, seed {seed}.",)
@@ -120,7 +121,7 @@ def told(seed, true):
 
 
 def write(folder, seed=SEED, true=TRUE):
-    """Drive and write the log."""
+    """Drive the runs and write the log."""
     planned, gains = plan(seed, true)
     driven = drive([run for _, _, run in planned["runs"]], DURATION)
     logged = []
@@ -134,13 +135,13 @@ def write(folder, seed=SEED, true=TRUE):
 
 
 def number(text):
-    """Return name and value of NAME=VALUE."""
+    """Return name and value from the text NAME=VALUE."""
     name, _, value = text.partition("=")
     return name, float(value)
 
 
 def main():
-    """Write the log, or one like it with other true numbers, where asked."""
+    """Write the log, or a log with other true numbers if options state them."""
     reader = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     reader.add_argument("--out", type=Path, required=True)
     reader.add_argument("--seed", type=int, default=SEED)

@@ -1,8 +1,9 @@
 """The contact of wheels with polylines of ground, in closed form for n = 1.
 
-A rim point belongs to the piece of ground between whose corner bisectors it lies. A piece pushes like a whole wheel
-sunk into its plane, times the share of depth x cosine over its part of the rim; depth x sine leans the push, depth
-alone turns the wheel. With depth r (cos t - cos theta) all three have antiderivatives.
+A point of the rim belongs to the piece of ground between whose corner bisectors the point lies. A piece pushes like a
+whole wheel that has sunk into the piece's plane, times the share of depth x cosine over its part of the rim. The sum of
+depth x sine tilts the force, and the sum of the depth turns the wheel. With the depth r (cos t - cos theta), all three
+sums have antiderivatives.
 """
 
 from typing import NamedTuple
@@ -35,7 +36,7 @@ class Ground:
         self.run = np.arange(len(runs))
 
     def around(self, x, y):
-        """Return corners X, Z [pieces + 1, wheels, runs] about wheels at x, y."""
+        """Return the corners X, Z [pieces + 1, wheels, runs] near wheels at x, y."""
         lane = (y[None] > self.borders[:, None]).sum(axis=0)
         if len(self.x) == 1:
             index = (self.x[0][:, None] <= x).sum(axis=0) - 1
@@ -56,7 +57,7 @@ class Ground:
 
 
 def padded(x, z, points):
-    """Return a polyline with its end pieces drawn out in equal steps to `points` points."""
+    """Return a polyline with `points` points, whose end pieces are continued in equal steps."""
     x, z = np.asarray(x, dtype=float), np.asarray(z, dtype=float)
     missing = points - len(x)
     left, right = missing // 2, missing - missing // 2
@@ -68,7 +69,7 @@ def padded(x, z, points):
 
 
 class Pieces(NamedTuple):
-    """What presses on wheels, one entry a piece; wheel counts wheel x runs + run."""
+    """The pieces that press on wheels, one entry for each piece. `wheel` is wheel x runs + run."""
 
     wheel: np.ndarray
     h: np.ndarray
@@ -82,7 +83,9 @@ class Pieces(NamedTuple):
 
 
 def touch(ground, centre, axle, r):
-    """Return the pieces under wheels with centres and axles [3, wheels, runs]; a weightless one under a free wheel."""
+    """Return the pieces under wheels with centres and axles [3, wheels, runs]. A wheel without contact gets a piece
+    without load.
+    """
     up = -axle[2] * axle
     up[2] += 1.0
     up /= np.sqrt(dot(up, up))

@@ -1,7 +1,8 @@
-"""What may be hidden: for each effect the numbers that it takes at a severity, 1 being about just detectable.
+"""Effects that can be hidden: for each effect, its numbers at a severity. Severity 1 is hardly detectable.
 
-Severities are drawn log-uniformly from 1 to 10. The sizes are assumed, from trials of a lumped rover and the
-package's own ranges, and so that severity 10 does not strand the rover; nothing was tuned on what a loop finds.
+Severities are drawn from 1 to 10 on a logarithmic scale. The sizes are assumed, from trials with a simple rover model
+and from the package's ranges, so that severity 10 does not stop the rover. Nothing was tuned on the answers of the
+loop.
 """
 
 from math import radians
@@ -108,7 +109,7 @@ SHARES = {"single": 0.40, "pair": 0.08, "none": 0.20, "off-list": 0.15, "sensor"
 
 
 def composition(count, shares, random):
-    """Return the kind of each set, as near to the shares as whole numbers allow, shuffled."""
+    """Return the kind of each set in random order, with numbers as close to the shares as whole numbers allow."""
     full = {kind: int(count * share) for kind, share in shares.items()}
     fractions = {kind: count * share - full[kind] for kind, share in shares.items()}
     for kind in sorted(fractions, key=fractions.get, reverse=True)[: count - sum(full.values())]:
@@ -118,7 +119,7 @@ def composition(count, shares, random):
 
 
 def dealt(names, count, random):
-    """Return names in shuffled rounds, so that none is missing while another comes twice."""
+    """Return names in shuffled rounds, so that no name is missing while another occurs twice."""
     deck = []
     while len(deck) < count:
         deck += [names[i] for i in random.permutation(len(names))]
@@ -126,6 +127,6 @@ def dealt(names, count, random):
 
 
 def truth(name, random):
-    """Return one hidden effect: its name, severity and numbers."""
+    """Return one hidden effect: its name, its severity and its numbers."""
     severity = float(10.0 ** random.uniform(0.0, 1.0))
     return {"effect": name, "severity": severity, "numbers": ALL[name](random, severity)}

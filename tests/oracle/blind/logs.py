@@ -1,4 +1,4 @@
-"""A data set as a folder: drive.toml, its ground, one CSV a run."""
+"""Write a data set as a folder: drive.toml, its ground, and one CSV file for each run."""
 
 import json
 import os
@@ -19,7 +19,9 @@ NOISE = {
 
 
 def write_set(folder, plan, logged, digits=8, sample_period=0.05):
-    """Write a set into a folder beside and move it into place, so that a set is there as a whole or not at all."""
+    """Write a set into a temporary folder and move the folder to its place, so that a set is either complete or
+    missing.
+    """
     folder = Path(folder)
     beside = folder.with_name(f".{folder.name}.{os.getpid()}")
     shutil.rmtree(beside, ignore_errors=True)
@@ -38,7 +40,7 @@ def write_set(folder, plan, logged, digits=8, sample_period=0.05):
 
 
 def about(name, plan, grounds, sample_period):
-    """Return drive.toml; a plan may have points X and borders of its own, and say where it comes from."""
+    """Return the text of drive.toml. A plan may have its own points X and borders, and may state its origin."""
     sd = {start: size for start, size, _ in KINDS}
     source, borders = json.dumps(plan.get("source", "simulated")), json.dumps(list(plan.get("borders", BORDERS)))
     licence = [f"licence = {json.dumps(plan['licence'])}"] if "licence" in plan else []

@@ -1,4 +1,4 @@
-"""Write sets of drive logs with something hidden: python make.py --out DIR --seed 1 --sets 24."""
+"""Write sets of drive logs with hidden effects: python make.py --out DIR --seed 1 --sets 24."""
 
 import argparse
 import os

@@ -1,4 +1,4 @@
-"""Brushed motors with what may be wrong with them: torque at the wheel, current, and what the tachometer turns with."""
+"""Brushed motors with possible faults: torque at the wheel, current, and the rate that the tachometer measures."""
 
 import numpy as np
 
@@ -17,7 +17,9 @@ class Motors:
         self.limited = world.has("TorqueSaturation.i_max")
 
     def run(self, duty, angle, omega, windup, drawn, loss):
-        """Return torque, current, hub rate, supply, and the rates of windup, drawn current and loss; [wheels, runs]."""
+        """Return torque, current, hub rate, supply, and the rates of wind-up, drawn current and loss;
+        [wheels, runs].
+        """
         w = self.world
         supply = w["supply"] - w["SupplySag.R_b"] * drawn - w["SquareSag.R_2"] * drawn**2
         R = w["resistance"] * (1.0 + ALPHA * w["WindingHeating.R_th"] * loss)

@@ -1,4 +1,6 @@
-"""All forces on a batch of rovers: what is fixed by the pose, and the rates of speeds and inner states at that pose."""
+"""All forces on a batch of rovers: quantities that depend on the pose only, and the rates of speeds and inner states at
+that pose.
+"""
 
 from typing import NamedTuple
 
@@ -17,7 +19,7 @@ HELD = 1e3
 
 
 class State(NamedTuple):
-    """The runs last."""
+    """The state of all runs; the last axis is the run."""
 
     place: np.ndarray
     "[3, runs]"
@@ -28,7 +30,7 @@ class State(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """What a kick holds fixed."""
+    """Quantities that are constant during a Runge-Kutta-Chebyshev step."""
 
     frames: Frames
     inverse: np.ndarray
@@ -50,7 +52,7 @@ class Pose(NamedTuple):
 
 
 class Rovers:
-    """A batch of runs. All must have a rigid differential, or all a compliant one."""
+    """A batch of runs. Either all of them have a rigid differential, or all have a compliant one."""
 
     def __init__(self, runs, vehicle=NEXUS6):
         self.vehicle, self.world = vehicle, World(runs, vehicle)
@@ -166,7 +168,7 @@ class Rovers:
         return total, sums[6:10] / sums[10]
 
     def hinge(self, force, u, pose):
-        """Add stops, pivot friction and a compliant differential."""
+        """Add end stops, pivot friction and a compliant differential."""
         w, C = self.world, self.bodies.collect
         rate = C @ u[6:]
         torque = np.zeros_like(rate)
@@ -186,7 +188,7 @@ class Rovers:
         force[6:] += C.T @ torque
 
     def outside(self, force, t, u, pose):
-        """Add tether and snags: forces on the base's origin against its horizontal velocity."""
+        """Add tether and snags, which are forces on the base's origin against its horizontal velocity."""
         w = self.world
         if not any(map(w.has, ("TetherDrag.f_0", "TetherDrag.f_1", "SpringTether.k", "Snag.force"))):
             return
@@ -198,7 +200,7 @@ class Rovers:
 
 
 def loaded(tree, world):
-    """Return masses and centres of mass with a point mass and a shifted centre on the base, or nothing."""
+    """Return masses and centres of mass with a point mass and a shifted centre on the base, or unchanged ones."""
     if not any(world.has(f"PointMass.{name}") for name in ("m", "shift_x", "shift_z")):
         return None, None
     mass = np.repeat(tree.mass[:, None], world.size, axis=1)
@@ -221,13 +223,13 @@ def rest_centre(tree):
 
 
 def down(g, rise_x, rise_y):
-    """Return gravity seen from a table that rises by these angles."""
+    """Return the gravity on a table that is tilted by these angles."""
     x, y = np.sin(rise_x), np.sin(rise_y)
     return -g * np.stack((x, y, np.sqrt(1.0 - x * x - y * y)))
 
 
 def snagging(runs, t):
-    """Return the share of each run's greatest pull at time t: half a sine over each snag."""
+    """Return the share of each run's largest pull at time t: half a sine wave over each snag."""
     share = np.zeros(len(runs))
     for b, run in enumerate(runs):
         for begin, duration in run.snags:

@@ -1,4 +1,4 @@
-"""Sets of logs with sealed answers: planned from a seed, driven in batches, resumed where they were left."""
+"""Data sets with sealed answers: they are planned from a seed, driven in batches, and resumed after an interruption."""
 
 import hashlib
 import json
@@ -24,9 +24,10 @@ COSTLY = ("ExitAngle", "DiggingMemory", "SlipSinkage", "SkidSinkage", "LoadExpon
 
 
 def plan(seed, count, shares=None, only=None, under="plain"):
-    """Return what is hidden in each set: dictionaries of index, kind, hidden effects and circumstance.
+    """Return the hidden content of each set: dictionaries of index, kind, hidden effects and circumstance.
 
-    `under` is one circumstance for all whose effects its rover can have (the others: plain), or "any": each its own.
+    `under` is the circumstance of all sets whose effects its rover can have (the others have none), or "any" for a
+    random circumstance of each set.
     """
     random = np.random.default_rng([seed, 0])
     kinds = ["only"] * count if only else hidden.composition(count, shares or hidden.SHARES, random)
@@ -67,7 +68,7 @@ def folder_of(out, index):
 
 
 def generate(out, sets, seed, answers, workers=1, duration=DURATION):
-    """Write the sets into folders of `out` that are not there yet, and their answers, sealed, to a file elsewhere."""
+    """Write all sets that are missing in `out`, and write their answers, sealed, to a file in another place."""
     out, answers = Path(out), Path(answers)
     assert out.resolve() not in answers.resolve().parents, "keep the answers out of the sets' folder"
     out.mkdir(parents=True, exist_ok=True)
@@ -84,7 +85,7 @@ def generate(out, sets, seed, answers, workers=1, duration=DURATION):
 
 
 def seal(out, sets, seed, answers):
-    """Write the answers once, and their hash beside the sets; an answer that has changed since is refused."""
+    """Write the answers once, and their hash next to the sets. Refuse answers that have changed since then."""
     answer_list = [
         {"set": folder_of(out, set_plan["index"]).name} | planned(seed, set_plan)["answer"] for set_plan in sets
     ]
@@ -102,16 +103,18 @@ def seal(out, sets, seed, answers):
 
 
 def opened(out, answers):
-    """Return the answers, after a check against the seal."""
+    """Return the answers after a comparison with their hash."""
     text = Path(answers).read_bytes()
     assert hashlib.sha256(text).hexdigest() == (Path(out) / SEAL).read_text().split()[0], "the seal is broken"
     return json.loads(text)
 
 
 def batched(sets):
-    """Return sets in batches; those with a compliant differential move by another tree, in batches of their own.
+    """Return the sets in batches. Sets with a compliant differential have another tree of joints, and batches of their
+    own.
 
-    A batch is of one rover, and pays for every costly law that one of its runs has, so that these are kept together.
+    A batch has one rover. Every costly law that acts in one of its runs is computed for all of them, so that runs with
+    costly laws are put together.
     """
 
     def dear(set_plan):

@@ -1,4 +1,6 @@
-"""What the test bed's sensors make of true channels [rows] of one run: faults first, then noise, then steps."""
+"""Readings of the test bed's sensors from the true channels [rows] of one run: first faults, then noise, then
+quantisation.
+"""
 
 import numpy as np
 
@@ -15,7 +17,9 @@ __all__ = ["KINDS", "WHEELS", "measured"]
 
 
 def measured(channels, faults, gains, random, electric=True, vehicle=NEXUS6):
-    """Return the logged channels: `faults` by effect name, `gains` of the wheels' tachometers."""
+    """Return the logged channels. `faults` are sensor faults by effect name, `gains` the gains of the wheels'
+    tachometers.
+    """
     read = {name: np.array(values) for name, values in channels.items() if not name.startswith(TRUE_ONLY)}
     read["body_yaw"] = np.unwrap(read["body_yaw"])
     if not electric:
@@ -48,7 +52,7 @@ def tracking_delay(read, d):
 
 
 def velocity_filter(read, tau):
-    """First-order lag, exact for a velocity that is linear between the rows."""
+    """First-order lag, exact for a velocity that changes linearly between the rows."""
     keep = np.exp(-np.diff(read["t_s"]) / tau)
     for name in ("body_vx", "body_vy", "body_vz"):
         v = read[name]

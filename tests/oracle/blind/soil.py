@@ -1,4 +1,4 @@
-"""Eqs (2)-(7) on arrays of arcs by Gauss's rule in u, theta = theta_1 - length u^2."""
+"""Eqs (2)-(7) on arrays of arcs, by Gauss's rule in u with theta = theta_1 - length u^2."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ PSI, WEIGHT = rule()
 
 
 class Arc(NamedTuple):
-    """Nodes of arcs [nodes, arcs], whatever the slip."""
+    """Nodes of arcs [nodes, arcs], which do not depend on the slip."""
 
     back: np.ndarray
     "theta_1 - theta"
@@ -67,7 +67,7 @@ def forces(on, ratio, soil, r, b):
 
 
 def peaked_forces(S, theta_1, theta_m, theta_2, soil, r, b):
-    """Return f_n and torque with Wong and Reece's normal stress, greatest at theta_m."""
+    """Return f_n and torque with the normal stress of Wong and Reece, whose maximum is at theta_m."""
     n = 1.0 if soil["n"] is None else soil["n"]
     scale, ratio = soil["K"] * (r / b) ** n, travel_ratio(S)
     f_n = torque = 0.0
@@ -83,7 +83,9 @@ def peaked_forces(S, theta_1, theta_m, theta_2, soil, r, b):
 
 
 def rut(h, ratio, n, deeper, K, r, b):
-    """Return what pressing a rut of depth h costs more than the shallower one of the exponent n - deeper [N]."""
+    """Return the additional work for pressing a rut of depth h, compared with the shallower rut of the exponent n -
+    deeper [N].
+    """
     theta, before = entry_angle(h, r), np.maximum(n - deeper, 0.05)
 
     def pressed(top, m):

@@ -1,4 +1,4 @@
-"""A URDF as arrays: level by level from the base, all links of one depth together."""
+"""A URDF as arrays, level by level from the base: all links of one depth together."""
 
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class Tree:
 
 
 def read(text, rigid_differential=True):
-    """Return the tree of a URDF; with a compliant differential both rockers are independent."""
+    """Return the tree of a URDF. With a compliant differential, both rockers are independent joints."""
     root = ElementTree.fromstring(text)
     links = {element.get("name"): element for element in root.findall("link")}
     joints = {element.get("name"): element for element in root.findall("joint")}

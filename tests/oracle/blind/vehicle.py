@@ -1,7 +1,8 @@
-"""Rovers of the sets: Nexus 6, one six times as heavy on larger wheels, and a cart: four wheels on a rigid body.
+"""Rovers of the data sets: Nexus 6, a rover that is six times as heavy on larger wheels, and a cart with four wheels on
+a rigid body.
 
-The two others are Nexus 6's alike: soil, motors and what is hidden keep their proportion to a wheel's weight and radius
-and to the rover's mass, so that they sink, slip and draw as deep, as much and as long in proportion, at its speed.
+The two others are scaled from Nexus 6: soil, motors and hidden effects are in proportion to the weight on a wheel, the
+wheel radius and the mass. Sinkage, slip and current are therefore in proportion too, at the speed of Nexus 6.
 """
 
 import xml.etree.ElementTree as ElementTree
@@ -31,7 +32,7 @@ SIZED = {
 
 @dataclass(frozen=True)
 class Vehicle:
-    """A rover, its numbers over Nexus 6's."""
+    """A rover, with its numbers divided by those of Nexus 6."""
 
     name: str
     wheels: tuple
@@ -51,11 +52,13 @@ class Vehicle:
 
     @property
     def beside(self):
-        """Pieces of ground looked at on either side of a wheel, see `ground.BESIDE`."""
+        """Number of pieces of ground on each side of a wheel that are examined, see `ground.BESIDE`."""
         return int(np.ceil(2.0 * self.length))
 
     def ratio(self, kind):
-        """Return a quantity over Nexus 6's; motors of the same voltage and torque constant, with `load` the current."""
+        """Return a quantity divided by that of Nexus 6. Motors have equal voltage and torque constant, and the current
+        scales with the `load`.
+        """
         return {
             "mass": self.mass, "length": self.length, "torque": self.load * self.length,
             "viscous": self.load * self.length**2, "joint": self.mass * self.length,
@@ -65,13 +68,13 @@ class Vehicle:
         }[kind]  # fmt: skip
 
     def has(self, effect, numbers):
-        """Tell whether it has what an effect acts in: a suspension, this wheel, this channel."""
+        """Return whether the rover has the part in which an effect acts: a suspension, this wheel, this channel."""
         wheel, channel = numbers.get("wheel"), numbers.get("channel", "")
         is_known = wheel in (None, "", *self.wheels, *self.taken)
         return is_known and (bool(self.angles) or not (effect in PARTS or channel.startswith(("rocker_", "bogie_"))))
 
     def sized(self, effect, numbers):
-        """Return an effect's numbers in proportion, wheels by their own count."""
+        """Return the numbers of an effect in proportion to the rover, and its wheels by the rover's own numbering."""
         sized_numbers = {}
         for key, value in numbers.items():
             kind = SIZED.get(f"{effect}.{key}")
@@ -80,7 +83,7 @@ class Vehicle:
         return sized_numbers
 
     def base(self, plain):
-        """Return the numbers of a run that are not Nexus 6's: wheels, inertia of motors, servos, stops, contact."""
+        """Return the numbers of a run that differ from Nexus 6: wheels, inertia of motors, servos, stops, contact."""
         if self is NEXUS6:
             return {}
         kinds = {
@@ -91,7 +94,7 @@ class Vehicle:
         return {"b": plain["b"] * self.width} | {name: plain[name] * self.ratio(kind) for name, kind in kinds.items()}
 
     def commands(self, duty, steer):
-        """Return duties and steering [rows, wheels]; without steering the sides are driven differently."""
+        """Return duties and steering [rows, wheels]. Without steering, the two sides have different duties."""
         if self.steered:
             return duty, steer
         side = np.array([1.0 if name.endswith("r") else -1.0 for name in self.wheels])
@@ -103,7 +106,7 @@ class Vehicle:
         return {"nexus6": URDF.read_text, "heavy": heavy, "cart": cart}[self.name]()
 
     def toml(self):
-        """Return the file that says which joint is what."""
+        """Return the file that states the role of each joint."""
         lines = [f'name = "{self.name}"', f'urdf = "{self.name}.urdf"', 'base = "base_link"', "", "[wheels]"]
         names = ("front", "middle", "rear") if self.angles else ("front", "rear")
         lines += [f'{axle} = ["wheel_{axle[0]}l", "wheel_{axle[0]}r"]' for axle in names]
@@ -133,7 +136,7 @@ KNOWN = {entry.name: entry for entry in (NEXUS6, HEAVY, CART)}
 
 
 def heavy():
-    """Return Nexus 6's URDF with all lengths 1.5 times, the hull 7 times, every other part 5 times as heavy."""
+    """Return Nexus 6's URDF with all lengths times 1.5, the mass of the hull times 7, and all other masses times 5."""
     root, L = ElementTree.parse(URDF).getroot(), HEAVY.length
     root.set("name", "heavy")
     for link in root.findall("link"):
@@ -153,7 +156,7 @@ def scale(element, names, factor):
 
 
 def cart():
-    """Return the cart's URDF: a box, its middle a little behind and above the axles, and four wheels."""
+    """Return the URDF of the cart: a box, whose centre is slightly behind and above the axles, and four wheels."""
     r, b = RADIUS * CART.length, WIDTH * CART.width
     links = [link("base_link", CART_MASS, box(CART_MASS, 0.36, 0.2, 0.1), "-0.02 0 0.06")]
     disc = (CART_WHEEL * (3 * r**2 + b**2) / 12, CART_WHEEL * r**2 / 2, CART_WHEEL * (3 * r**2 + b**2) / 12)

@@ -1,4 +1,6 @@
-"""Every number of a run, at its default, and a batch of runs as arrays; a hidden effect is a number off neutral."""
+"""Every number of a run with its default, and a batch of runs as arrays. A hidden effect is a number that is not
+neutral.
+"""
 
 from dataclasses import dataclass, field
 from math import radians
@@ -56,7 +58,7 @@ HIDDEN = {
 
 @dataclass
 class Run:
-    """One drive: numbers that differ from the defaults, ground, commands and what varies along the way."""
+    """One drive: numbers that differ from the defaults, ground, commands, and quantities that vary along the path."""
 
     numbers: dict = field(default_factory=dict)
     lanes: tuple = (((-1.0, 1.0), (0.0, 0.0)),)
@@ -77,7 +79,9 @@ class Run:
 
 
 class World:
-    """A batch of a rover's runs as arrays, the runs last: `world["k"]` [runs], `world["motor_gain"]` [wheels, runs]."""
+    """A batch of runs of one rover as arrays; the last axis is the run: `world["k"]` [runs], `world["motor_gain"]`
+    [wheels, runs].
+    """
 
     def __init__(self, runs, vehicle=NEXUS6):
         self.runs, self.vehicle = list(runs), vehicle
@@ -95,9 +99,9 @@ class World:
         return self.values[name]
 
     def has(self, name):
-        """Tell whether the number differs from its neutral value in any run."""
+        """Return whether the number differs from its neutral value in at least one run."""
         return bool(np.any(self.values[name] != HIDDEN[name]))
 
     def at_wheel(self, name):
-        """Return 1 for the wheel with this number [wheels, runs], else 0."""
+        """Return 1 for the wheel with this number and 0 for the others [wheels, runs]."""
         return (np.arange(len(self.vehicle.wheels))[:, None] == np.round(self.values[name])).astype(float)

@@ -1,7 +1,8 @@
-"""Rigid-body dynamics in the world frame: M = sum of J^T I J over the links, the bias from J's own derivative.
+"""Rigid-body dynamics in world axes: M is the sum of J^T I J over the links, and the bias follows from the derivative
+of J.
 
-Coordinates: base position p, rotation R, independent joint angles; speeds u = (dp/dt, omega of the base, both in world
-axes, angle rates). Nothing is recursive but the angles' way through the tree.
+Coordinates: position of the base p, rotation R, independent joint angles. Speeds: u = (dp/dt, omega of the base, both
+in world axes, angle rates). Only the positions of the links are computed recursively, along the tree.
 """
 
 from typing import NamedTuple
@@ -18,7 +19,7 @@ def cross(a, b):
 
 
 class Motion(NamedTuple):
-    """Links in the world at one instant."""
+    """Positions, velocities and Jacobians of the links in the world at one time."""
 
     rotation: np.ndarray
     place: np.ndarray
@@ -54,7 +55,7 @@ class Bodies:
         self.armature = armature
 
     def frames(self, p, R, angles):
-        """Return rotations and places of the links."""
+        """Return rotations and positions of the links."""
         tree = self.tree
         turn = self.collect @ angles
         local = np.eye(3) + np.sin(turn)[:, None, None] * self.skew_axis

@@ -1,4 +1,4 @@
-"""Fixed-step RK4 with held commands, and what it leaves behind."""
+"""Integration by RK4 with fixed steps and held commands, and the channels that it records."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ STEP, HOLD, SAMPLE = 0.00125, 0.05, 0.05
 
 
 def drive(physics, y, command, duration, step=STEP):
-    """Return the sampled channels; command(t) gives duties of six wheels and angles of four servos."""
+    """Return the sampled channels. command(t) returns the duties of six wheels and the angles of four servos."""
     y, rows = np.array(y, dtype=float), []
     per_hold, per_sample = round(HOLD / step), round(SAMPLE / step)
     for k in range(round(duration / step)):
@@ -27,7 +27,9 @@ def drive(physics, y, command, duration, step=STEP):
 
 
 def sample(physics, t, y):
-    """Return one row: what a log and a tracker see, and the truth beside it (of the step's last evaluation)."""
+    """Return one row: the channels of a log and of a tracker, and the true values of the last evaluation of
+    the step.
+    """
     state = physics.unpack(y)
     R = rotation_of(state.quaternion)
     angles = physics.bodies.collect @ state.angles

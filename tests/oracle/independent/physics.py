@@ -1,4 +1,6 @@
-"""All forces on the rover and the rates of its state. Every method is one piece of physics, open to be overridden."""
+"""All forces on the rover and the rates of its state. Every method is one part of the physics, which a derived class
+may replace.
+"""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -16,7 +18,9 @@ STEERED = ("fl", "fr", "rl", "rr")
 
 @dataclass(frozen=True)
 class Motor:
-    """Brushed motor at the wheel: torque K (delta V - K omega) / R; armature is the rotor's inertia there."""
+    """A brushed motor at the wheel: torque K (delta V - K omega) / R. The armature is the rotor's inertia, referred to
+    the wheel.
+    """
 
     supply: float
     resistance: float
@@ -26,7 +30,7 @@ class Motor:
 
 @dataclass(frozen=True)
 class World:
-    """Every number of a drive but the commands."""
+    """Every number of a drive except the commands."""
 
     urdf: str
     motor: Motor
@@ -60,7 +64,7 @@ class World:
 
 
 class State(NamedTuple):
-    """y = (place 3, quaternion w x y z, angles 13, speeds 19, slips along 6, slips across 6), unpacked."""
+    """The parts of y = (position 3, quaternion w x y z, angles 13, speeds 19, slips along 6, slips across 6)."""
 
     place: np.ndarray
     quaternion: np.ndarray
@@ -71,7 +75,7 @@ class State(NamedTuple):
 
 
 class Load(NamedTuple):
-    """On each piece: forces, torque, slips, and rates of the wheel's slips."""
+    """Loads on each piece: forces, torque, slips, and rates of the wheel's slips."""
 
     f_t: np.ndarray
     f_y: np.ndarray
@@ -127,7 +131,7 @@ class Physics:
         return force
 
     def stops(self, state):
-        """Ends of the suspension's travel, a spring and a damper on every joint that is beyond its limit."""
+        """Return the torques of the suspension's end stops: a spring and a damper at every joint beyond its limit."""
         collect, stiff = self.bodies.collect, self.world.stop
         angle, rate = collect @ state.angles, collect @ state.speeds[6:]
         over = np.where(self.sprung, angle - np.clip(angle, *self.tree.limits.T), 0.0)
@@ -135,7 +139,7 @@ class Physics:
         return np.concatenate([np.zeros(6), collect.T @ torque])
 
     def further(self, t, state, motion):
-        """Other generalised forces: none."""
+        """Return further generalised forces; here there are none."""
         return 0.0
 
     def contact(self, t, state, motion):
@@ -178,7 +182,7 @@ class Physics:
         return force, mean(load.along_rate), mean(load.across_rate)
 
     def touching(self, centre, axle):
-        """Return the pieces under all wheels; one that does not press stands under a wheel in the air."""
+        """Return the pieces under all wheels. A wheel in the air gets a piece that does not press."""
         contact = self.rim.contact(self.world.ground, centre, axle)
         air = np.bincount(contact.wheel, minlength=self.count) == 0
         if not air.any():
@@ -190,7 +194,9 @@ class Physics:
         return Pieces(*(np.concatenate(parts) for parts in zip(contact, none, strict=True))), air
 
     def blended(self, t, state, pieces, speeds, centre):
-        """Return the load seen in the direction of travel: a reversing wheel is one turned about the normal."""
+        """Return the load in the direction of travel. A wheel that reverses is a wheel that is turned about
+        the normal.
+        """
         z = np.clip(0.5 * (speeds[0] + speeds[3]) / self.world.travel_speed, -1.0, 1.0)
         ahead = 0.5 + 0.25 * z * (3.0 - z * z)
         along, across = state.along[pieces.wheel], state.across[pieces.wheel]

@@ -1,7 +1,7 @@
-"""Where the rover comes to rest: Newton's method on the statics, without any dynamics.
+"""The rover's state at rest, found by Newton's method on the statics without any dynamics.
 
-First straight down on unsheared soil; then with the wheels' brakes on, every wheel's slip following from how far its
-rim has been dragged (ds = -(1 +- s) dx / L), until the shear holds the rover.
+First the rover is lowered vertically on unsheared soil. Then its wheels are locked, and the slip of every wheel follows
+from the distance over which its rim has been dragged (ds = -(1 +- s) dx / L), until the shear holds the rover.
 """
 
 import numpy as np
@@ -41,7 +41,7 @@ def newton(residual, pose, free):
 
 
 def slopes(of, pose, free):
-    """Return the derivative by the free coordinates, by central differences."""
+    """Return the derivatives by the free coordinates from central differences."""
     columns = []
     for index in free:
         nudge = np.zeros_like(pose)
@@ -51,7 +51,7 @@ def slopes(of, pose, free):
 
 
 def unbalance(physics, pose, slips):
-    """Return the generalised force at rest; servos hold the steering straight, brakes the wheels."""
+    """Return the generalised force at rest, with servos that hold the steering straight and with locked wheels."""
     y = packed(physics, pose, slips)
     state = physics.unpack(y)
     motion = physics.bodies.motion(state.place, rotation_of(state.quaternion), state.angles, state.speeds)
@@ -66,7 +66,7 @@ def wheels(physics, pose):
 
 
 def dragged(physics, pose, before):
-    """Return slips along and across after the wheels have come from `before` without rolling on their mounts."""
+    """Return the slips along and across after the wheels have moved from `before` without turning in their mounts."""
     rotation, place = wheels(physics, pose)
     axle = before[0][:, :, 1]
     forward = cross(axle, np.array([0.0, 0.0, 1.0]))
@@ -81,7 +81,7 @@ def dragged(physics, pose, before):
 
 
 def packed(physics, pose, slips):
-    """Return the state vector of (place, roll, pitch, yaw, angles) at rest."""
+    """Return the state vector at rest of (position, roll, pitch, yaw, angles)."""
     half = 0.5 * pose[3:6]
     (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
     quaternion = [
@@ -94,7 +94,7 @@ def packed(physics, pose, slips):
 
 
 def standing(physics, pose):
-    """Return the pose whose six wheels are all in by SUNK, by turning body and suspension."""
+    """Return the pose in which all six wheels have sunk by SUNK, found by turning the body and the suspension."""
     sprung = [6 + i for i, name in enumerate(physics.tree.names) if name.startswith(("rocker", "bogie"))]
     free = np.array([2, 3, 4, *sprung])
 

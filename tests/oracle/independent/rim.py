@@ -1,8 +1,9 @@
 """The contact of wheels with polylines of ground, by sums over many points of each rim.
 
-Every rim point belongs to the straight piece of ground between whose corner bisectors it lies, and is as deep as it is
-below that piece's line. A piece presses on the wheel like a whole wheel sunk into its plane, times the share that the
-sum of depth x cosine has of that whole wheel's; the sum of depth x sine leans the push, that of depth alone turns.
+Every point of the rim belongs to the straight piece of ground between whose corner bisectors it lies; its depth is its
+distance below the line of this piece. A piece presses on the wheel like a whole wheel that has sunk into the piece's
+plane, times the ratio of its sum of depth x cosine to that of the whole wheel. The sum of depth x sine tilts the force,
+and the sum of the depth turns the wheel.
 """
 
 from typing import NamedTuple
@@ -17,7 +18,9 @@ REACH = np.radians(115.0)
 
 
 class Ground:
-    """Polylines z(x), one a lane from right to left, between borders in y; the end pieces go on."""
+    """Polylines z(x), one for each lane from right to left, between borders in y. The end pieces continue without
+    limit.
+    """
 
     def __init__(self, lanes, borders=()):
         self.borders = np.array(borders, dtype=float)
@@ -32,7 +35,7 @@ class Ground:
         return float(np.interp(x, *self.lanes[int(np.searchsorted(self.borders, y))]))
 
     def near(self, centre, reach):
-        """Return the corners (x, z) of the pieces within reach of every wheel, one more on either side."""
+        """Return the corners (x, z) of the pieces within reach of every wheel, and one more on each side."""
         lane = np.searchsorted(self.borders, centre[:, 1])
         low = np.array([np.searchsorted(self.x[k], x - reach) - 2 for k, x in zip(lane, centre[:, 0], strict=True)])
         high = np.array([np.searchsorted(self.x[k], x + reach) + 2 for k, x in zip(lane, centre[:, 0], strict=True)])
@@ -50,13 +53,13 @@ def extended(x, z):
 
 
 def end(lane, axis, more):
-    """Return where the last piece comes to when it goes on."""
+    """Return the point that the last piece reaches if it is continued."""
     along = lane[axis][-1] - lane[axis][-2]
     return lane[axis][-1] + more * along
 
 
 class Pieces(NamedTuple):
-    """What presses on the wheels, a row each."""
+    """The pieces that press on the wheels, one row for each."""
 
     wheel: np.ndarray
     h: np.ndarray
@@ -78,14 +81,14 @@ class Rim:
         self.floor = self.wholes(np.linspace(0.0, 1.0, 401) ** 2 * np.pi / 2)
 
     def wholes(self, theta):
-        """Return table of h and the sum of depth x cosine over a whole wheel sunk by h."""
+        """Return a table of h and of the sum of depth x cosine over a whole wheel that has sunk by h."""
         fine = np.linspace(-1.0, 1.0, 2001)
         angle = theta[:, None] * fine
         depth = np.cos(angle) - np.cos(theta)[:, None]
         return theta, np.trapezoid(depth * np.cos(angle), angle, axis=1)
 
     def whole(self, h):
-        """By interpolation in theta cubed, in which the table is nearly straight."""
+        """Return the sum of a whole wheel by interpolation in theta cubed, in which the table is nearly straight."""
         theta, total = self.floor
         at = np.arccos(1.0 - np.minimum(h / self.r, 1.0))
         ratio = np.interp(at, theta[1:], total[1:] / theta[1:] ** 3)
@@ -119,7 +122,9 @@ class Rim:
         return Pieces(wheel, h, deepest[keep], total[keep] / full, leaning[keep] / full, turn, normal, inward)
 
     def _sums(self, s, t, across, heading):
-        """Return deepest point and the sums of depth x cosine, depth x sine, depth of each piece [wheels, pieces]."""
+        """Return the deepest point and the sums of depth x cosine, depth x sine and depth of each piece [wheels,
+        pieces].
+        """
         n_s, n_t = across[0][:, :, None], across[1][:, :, None]
         toward = n_s * self.point[0] + n_t * self.point[1]
         depth = (s[:, :-1] * across[0] + t[:, :-1] * across[1])[:, :, None] - toward

@@ -8,7 +8,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Soil:
-    """Table 1 with the package's assumed pressure-sinkage constants."""
+    """The soil of Table 1 with the package's assumed pressure-sinkage constants."""
 
     c: float = 0.005
     phi: float = radians(30.0)
@@ -34,7 +34,7 @@ POINTS, WEIGHTS = double_exponential(17, 0.17)
 
 
 def entry_angle(h, r):
-    """Eq (5), solved; the wheel is in to its axle at most."""
+    """Return the entry angle by Eq (5); a wheel sinks at most to its axle."""
     return np.arccos(1.0 - np.clip(h / r, 2e-12, 1.0))
 
 
@@ -53,7 +53,9 @@ def forces(S, theta_1, theta_2, soil, r, b):
 
 
 def load_and_factor(S, h, soil, r, b, own_arc=False):
-    """Return f_n at the sinkage's own angles, and T / (r f_n) at the paper's fixed ones, or at its own too."""
+    """Return f_n at the angles of the sinkage, and T / (r f_n) at the paper's fixed angles or at the angles of the
+    sinkage.
+    """
     theta_1 = entry_angle(h, r)
     if own_arc:
         f_n, torque = forces(S, theta_1, -soil.exit_ratio * theta_1, soil, r, b)

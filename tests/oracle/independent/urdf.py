@@ -1,4 +1,4 @@
-"""A URDF as arrays: one link a joint, parents before children."""
+"""A URDF as arrays: one link for each joint, parents before children."""
 
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
@@ -8,7 +8,9 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Tree:
-    """Links in an order that has parents first; link 0 is the free base, link i > 0 hangs on joint i - 1."""
+    """Links in an order in which parents come first. Link 0 is the free base, and link i > 0 is attached to joint i -
+    1.
+    """
 
     links: list
     parent: np.ndarray
@@ -51,7 +53,7 @@ def origin(element):
 
 
 def mass_of(link):
-    """Return mass, centre and inertia about it, in the link's axes."""
+    """Return mass, centre of mass and inertia about it, in the axes of the link."""
     inertial = link.find("inertial")
     centre, R = origin(inertial)
     mass = float(inertial.find("mass").get("value"))
