@@ -3,6 +3,7 @@
 import logging
 import math
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +17,7 @@ from rover_pin.base.files.results_folder import alone_in, say_what_is_replaced
 from rover_pin.base.jobs.safe_environment import leave_folder_out
 from rover_pin.base.trust import Trust
 from rover_pin.cli import commands
+from rover_pin.cli.assumed import assumed_by_bounds, assumed_by_sweep, report_assuming, weighed_by_drives
 from rover_pin.cli.commands.bands import bands, refuse_of_one_model
 from rover_pin.cli.commands.view import SEEN, open_page, requested_files, write_requested
 from rover_pin.cli.completing import engine_names, scenario_names
@@ -143,7 +145,8 @@ def drive(
         # Pages, films and drive files hold a single drive, so they are refused before the models are driven.
         refuse_of_one_model([*views, *([str(save)] if save else [])], model)
         with stoppable(out, ("bands.csv", "bands.png")), alone_in(out):
-            report(bands(scenario, model, settings, out, engine), as_json)
+            summary, assumptions = bands(scenario, model, settings, out, engine)
+            report_assuming(summary, assumptions, as_json, out)
         return
     chosen = ready(scenario, **settings)
     if save is not None:
@@ -152,14 +155,19 @@ def drive(
         log.info("To repeat this drive, run rover-pin drive %s", shell_word(chosen.save(save)))
     # Views of an earlier drive would otherwise be taken for views of this one.
     untouched = [name for name in SEEN if name not in views]
-    with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *views), untouched), alone_in(out):
-        _drive_scenario(chosen, engine, views, out, as_json)
+    with (
+        stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", "assumed.csv", *views), untouched),
+        alone_in(out),
+    ):
+        _drive_scenario(chosen, scenario, settings, engine, views, out, as_json)
     # The browser opens only after the lock on the folder has been released.
     if open_:
         open_page(out)
 
 
-def _drive_scenario(chosen: Any, engine: str, views: list[str], out: Path, as_json: bool) -> None:
+def _drive_scenario(
+    chosen: Any, name: str, settings: Mapping[str, Any], engine: str, views: list[str], out: Path, as_json: bool
+) -> None:
     with progress(f"driving {chosen.name}", chosen.duration, silent=as_json) as advance:
         trace = chosen.drive(advance, engine=engine)
     log.debug("driven: %d rows of the trace", len(trace["t_s"]))
@@ -179,7 +187,8 @@ def _drive_scenario(chosen: Any, engine: str, views: list[str], out: Path, as_js
         chosen.write_log(trace, out / "log")
         figures = plot.drive_figures(trace, chosen.model, out)
         result["files"] = list(map(str, [out / "log", *figures, *write_requested(chosen, trace, views, out)]))
-    report(result, as_json)
+    assumptions = weighed_by_drives(chosen, trace, name, settings)
+    report_assuming(result, assumptions, as_json, out, {"distance_m": "m"})
     # The summary and the rows before the failure are printed first, and then the exit code reports the failure.
     if str(trace.attrs["stop"]).startswith("diverged"):
         raise typer.Exit(1)
@@ -235,7 +244,7 @@ def sweep(
     loaded_study = read_study(study, Trust.of(effects, trust))
     with stoppable():
         result = run(loaded_study, out, workers=workers or None, scheduler=scheduler or None)
-    report(result.summary(), as_json)
+    report_assuming(result.summary(), assumed_by_sweep(loaded_study), as_json, result.folder)
 
 
 @app.command()
@@ -263,6 +272,7 @@ def bounds(
     """
     from rover_pin.base.quantity import parse_quantity
     from rover_pin.control.rover_bounds import bounds_of_model, bounds_table
+    from rover_pin.scenarios.assumptions import with_influence
     from rover_pin.scenarios.scenario import scenario
 
     slope, slip_limit = parse_quantity(slope_deg, "rad", "--slope-deg", "deg"), parse_quantity(slip, "", "--slip")
@@ -273,16 +283,24 @@ def bounds(
         from rover_pin.tuning.improve import predicted_bounds
 
         # For a folder of models, the bounds are quantiles over the models.
-        over = predicted_bounds(models_of(model), settings, slip_limit, slope)
-        report({name: value.words() for name, value in over.items()}, as_json)
+        files = models_of(model)
+        over = predicted_bounds(files, settings, slip_limit, slope)
+        shared = assumed_by_bounds(scenario("flat", **settings, model=str(files[0])).assumptions)
+        report_assuming({name: value.words() for name, value in over.items()}, shared, as_json)
         return
-    loaded_model = scenario("flat", **settings, **({"model": str(model)} if model else {})).model
-    wheel_bounds, result = bounds_of_model(loaded_model, slip_limit, slope)
-    if as_json:
-        report(result, as_json)
-        return
-    say(bounds_table(wheel_bounds, loaded_model.motor))
-    report({name: value for name, value in result.items() if name != "wheels"}, as_json)
+    settings |= {"model": str(model)} if model else {}
+    level = scenario("flat", **settings)
+    wheel_bounds, result = bounds_of_model(level.model, slip_limit, slope)
+
+    def climbable(changes: Mapping[str, float]) -> dict[str, float]:
+        bounded = bounds_of_model(scenario("flat", **{**settings, **changes}).model, slip_limit, slope)[1]
+        return {name: float(bounded[name]) for name in ("climbable_at_slip_limit_deg", "climbable_deg")}
+
+    assumptions = with_influence(assumed_by_bounds(level.assumptions), climbable)
+    if not as_json:
+        say(bounds_table(wheel_bounds, level.model.motor))
+        result = {name: value for name, value in result.items() if name != "wheels"}
+    report_assuming(result, assumptions, as_json, decisive={"climbable_at_slip_limit_deg": "deg"})
 
 
 @app.command()
@@ -335,8 +353,9 @@ def tune(
     as_json: AsJson = False,
 ) -> None:
     """Tune the slip control over an ensemble of drives. The drives can have sensor noise; if killed, it resumes."""
+    from rover_pin.scenarios.assumptions import shared_by
     from rover_pin.simulation.model.toml_file import models_of
-    from rover_pin.tuning.drives import cautions
+    from rover_pin.tuning.drives import build, cautions
     from rover_pin.tuning.study_file import read_tuning
     from rover_pin.tuning.tune import tune_gains
 
@@ -348,7 +367,10 @@ def tune(
         log.warning("%s", line)
     with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv", "drives.png", "frontier.png")):
         result = tune_gains(tuning_study, out, stages(as_json), workers or None, scheduler or None)
-    report(result.summary(), as_json)
+    shared = shared_by(build(case).assumptions for case in (*tuning_study.training, *tuning_study.held_out))
+    # The tuning itself chooses the control, so that the control of the scenarios is not assumed.
+    read = [entry for entry in shared if entry.name.split(".")[0] != "control"]
+    report_assuming(result.summary(), read, as_json, out)
 
 
 app.callback(help=__doc__)(program)

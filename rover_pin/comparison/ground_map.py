@@ -21,6 +21,7 @@ from rover_pin.control.motion.servo import cruise_speed
 from rover_pin.plot.ground_map import map_figure
 from rover_pin.plot.sheet import save, write_csv
 from rover_pin.rover.wheel_base import base_of, corners
+from rover_pin.scenarios.assumptions import Assumption
 from rover_pin.scenarios.drive_file import with_drive_file
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation.outcome.outcome import drive_outcome, wheel_paths
@@ -108,7 +109,7 @@ def ground_map(
         also has the 95 % quantiles and `p_stuck`, the fraction of models on which the rover is stuck. With one model
         there is `stuck`, 0 or 1.
     summary : dict
-        The places, the extremes of the map, and the files.
+        The places, the extremes of the map, the files, and the numbers that were not given (`assumptions`).
 
     Raises
     ------
@@ -169,6 +170,10 @@ def ground_map(
     if raster.suffix.lower() in GEOTIFF:
         corner = float(places.x[0]), float(places.y[0])
         files.append(write_geotiff(out / "map.tif", raster, corner, places.spacing, bands))
+    # The map itself chooses the starts. Its default law of the side force differs from that of the scenario.
+    assumptions = [entry for entry in first.assumptions if entry.name not in START]
+    if not models and "side" not in of_file:
+        assumptions.append(Assumption("side", "combined", "", None, "usual for maps: the rover also slides sideways"))
     # The last column states how often the rover gets stuck at a place.
     stuck, counts = table.columns[-1], f"{len(places.x)} by {len(places.y)}"
     alone = "" if len(models) > 1 else " (on one model, so this is no probability)"
@@ -182,6 +187,7 @@ def ground_map(
         "duration_s": first.duration,
         **drives.summary(),
         "assumed": list(first.assumed),
+        "assumptions": assumptions,
         "files": [str(file) for file in files],
     }
 

@@ -31,6 +31,7 @@ from rover_pin.parameters import name_of
 from rover_pin.parameters.bekker import POWERS, from_bekker
 from rover_pin.parameters.gravity import GRAVITIES, gravity_named
 from rover_pin.rover.rover import Rover, load_rover
+from rover_pin.scenarios.assumptions import Assumption, assumptions_of
 from rover_pin.scenarios.composed_model import ComposedModel, as_it_cruises, compose_model, on_its_side
 from rover_pin.scenarios.controllers import controller_from, drives_straight, turning_note
 from rover_pin.scenarios.drive_file import is_drive_file, with_drive_file, write_drive
@@ -103,6 +104,8 @@ class Scenario:
     """sentences on assumptions about the rover, where neither its TOML nor a setting states a number"""
     origin: Origin | None = field(default=None, repr=False)
     """the settings that make this drive again, for `save`; None if the object was not made by `scenario`"""
+    assumptions: tuple[Assumption, ...] = field(default=(), repr=False)
+    """every number and choice that the drive depends on and that the user did not give"""
 
     @public
     def drive(self, progress: Progress | None = None, *, measure_error: bool = True, engine: str = COMPILED) -> Trace:
@@ -404,7 +407,10 @@ def _compose_scenario(name: str, settings: Mapping[str, Any]) -> tuple[Scenario,
         saved.pop("soil", None)
     saved = {name: int(value) if name.endswith(".seed") else value for name, value in saved.items()}
     origin = Origin({**saved, **final_settings}, in_memory, (model, controller, start, timing))
-    ready = Scenario(name, model, controller, duration, start, timing, symmetric, final_settings, assumed, origin)
+    listed = assumptions_of(request.known.values(), settings)
+    ready = Scenario(
+        name, model, controller, duration, start, timing, symmetric, final_settings, assumed, origin, listed
+    )
     return ready, request
 
 

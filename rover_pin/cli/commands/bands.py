@@ -4,13 +4,19 @@ The models are equally probable, for example the posterior of a close-loop run.
 """
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rover_pin.base.errors import ParameterError
 
+if TYPE_CHECKING:
+    from rover_pin.scenarios.assumptions import Assumption
 
-def bands(name: str, folder: Path, settings: dict[str, Any], out: Path, engine: str) -> dict[str, Any]:
-    """Drive a scenario on each model of a folder, write bands.csv and bands.png, and return a summary over the models.
+
+def bands(
+    name: str, folder: Path, settings: dict[str, Any], out: Path, engine: str
+) -> "tuple[dict[str, Any], tuple[Assumption, ...]]":
+    """Drive a scenario on each model of a folder, write bands.csv and bands.png, and return a summary over the models
+    and the assumptions about everything that the models do not state.
 
     `name` is the scenario, `settings` are the user's settings of the drive, `out` is the folder of the results, and
     `engine` is the name of the engine that computes the steps.
@@ -18,6 +24,7 @@ def bands(name: str, folder: Path, settings: dict[str, Any], out: Path, engine: 
     from rover_pin.comparison.bands import drive_on_models
     from rover_pin.plot import save, write_csv
     from rover_pin.plot.bands import bands_figure
+    from rover_pin.scenarios.scenario import scenario
     from rover_pin.simulation.model.toml_file import models_of
 
     files = models_of(folder)
@@ -31,7 +38,8 @@ def bands(name: str, folder: Path, settings: dict[str, Any], out: Path, engine: 
         write_csv(drives.table(), out / "bands.csv"),
         save(bands_figure(drives.t, drives.panels, title), out / "bands.png"),
     ]
-    return {"scenario": name, **drives.summary(), "files": list(map(str, paths))}
+    assumptions = scenario(name, **{**drive_settings, "model": str(files[0])}).assumptions
+    return {"scenario": name, **drives.summary(), "files": list(map(str, paths))}, assumptions
 
 
 def refuse_of_one_model(views: list[str], folder: Path) -> None:

@@ -1,13 +1,15 @@
 """`rover-pin curve`: draws the load-traction factor F against slip S."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from rover_pin.base.files.results_folder import alone_in
+from rover_pin.cli.assumed import report_assuming
 from rover_pin.cli.options import AsJson, Out, Set, SoilName
-from rover_pin.cli.terminal import report, soil_and_wheel, stoppable
+from rover_pin.cli.terminal import soil_and_wheel, stoppable
 
 
 def curve(
@@ -28,8 +30,10 @@ def curve(
     from rover_pin import plot
     from rover_pin.base.errors import ParameterError
     from rover_pin.base.quantity import parse_quantity
+    from rover_pin.base.settings import numbers_of
     from rover_pin.contact import Wheel
     from rover_pin.parameters import soil_named
+    from rover_pin.scenarios.assumptions import assumptions_of, with_influence
     from rover_pin.soil.curves import traction_curves
 
     # The same number may be given by its own option and by --set; two different values would hide one of them.
@@ -49,4 +53,26 @@ def curve(
     rows = {
         name: {"S=0": float(curve[0]), "S=0.2": float(curve[20]), "S=1": float(curve[-1])} for name, curve in at.items()
     }
-    report({"soil": soil or "table-1", **rows, "files": [str(file) for file in files]}, as_json)
+    # Numbers of soil and wheel that no option states are assumed. F of the torque form at S = 0.2 decides their order.
+    stated = {f"soil.{name}" for name in changes} | {f"wheel.{name}" for name in sizes}
+    stated |= {f"soil.{name}" for name, option in (("k", k), ("n", n)) if option}
+    chosen, wheel = base.replace(**changes), Wheel().replace(**sizes)
+    numbers = [
+        number._replace(name=f"{owner}.{number.name}")
+        for owner, record in (("soil", chosen), ("wheel", wheel))
+        for number in numbers_of(record)
+    ]
+
+    def torque_factor(changed: Mapping[str, float]) -> dict[str, float]:
+        parts: dict[str, dict[str, float]] = {"soil": {}, "wheel": {}}
+        for name, value in changed.items():
+            owner, _, number = name.partition(".")
+            parts[owner][number] = value
+        varied = traction_curves(
+            chosen.replace(**parts["soil"]), lengths[:1], exponent, wheel.replace(**parts["wheel"])
+        )
+        return {"F_torque_at_0.2": float(next(c for (form, _), c in varied.curves.items() if form == "torque")[20])}
+
+    assumptions = with_influence(assumptions_of(numbers, stated), torque_factor)
+    result = {"soil": soil or "table-1", **rows, "files": [str(file) for file in files]}
+    report_assuming(result, assumptions, as_json, out, {"F_torque_at_0.2": ""})

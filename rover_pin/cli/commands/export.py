@@ -13,6 +13,7 @@ from rover_pin.base.extras import install_command
 from rover_pin.base.files.results_folder import alone_in, say_what_is_replaced
 from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.trust import Trust
+from rover_pin.cli.assumed import report_assuming
 from rover_pin.cli.completing import scenario_names
 from rover_pin.cli.options import (
     Add,
@@ -99,7 +100,8 @@ def export_c(
         files = write_control(export, out)
     # Without -ffp-contract=off, fused operations would round differently from the test vectors.
     build = "cc -std=c11 -O2 -ffp-contract=off rover_control.c test_vectors.c -lm -o test_vectors"
-    report({"control": control, "rover": export.rover.name, "build": build, "files": list(map(str, files))}, as_json)
+    result = {"control": control, "rover": export.rover.name, "build": build, "files": list(map(str, files))}
+    report_assuming(result, chosen.assumptions, as_json, out)
 
 
 def export_fmu(
@@ -135,7 +137,8 @@ def export_fmu(
     with alone_in(out):
         paths = [str(write_unit(unit, out / f"{unit.name}.fmu")) for unit in units]
     variables = {unit.name: unit.by_causality for unit in units}
-    report({"rover": chosen.model.rover.name, "step [s]": units[0].period, **variables, "files": paths}, as_json)
+    result = {"rover": chosen.model.rover.name, "step [s]": units[0].period, **variables, "files": paths}
+    report_assuming(result, chosen.assumptions, as_json, out)
 
 
 def export_mjcf(
@@ -167,4 +170,5 @@ def export_mjcf(
     say_what_is_replaced(out, tuple(file.name for file in texts))
     with alone_in(out):
         files = [str(replace_file(file, content)) for file, content in texts.items()]
-    report({"rover": chosen.model.rover.name, "files": files, "next": shell_line(["python", Path(files[1])])}, as_json)
+    result = {"rover": chosen.model.rover.name, "files": files, "next": shell_line(["python", Path(files[1])])}
+    report_assuming(result, chosen.assumptions, as_json, out)

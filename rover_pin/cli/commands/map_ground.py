@@ -8,6 +8,7 @@ import typer
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.trust import Trust
+from rover_pin.cli.assumed import report_assuming
 from rover_pin.cli.completing import scenario_names
 from rover_pin.cli.options import (
     Add,
@@ -24,7 +25,7 @@ from rover_pin.cli.options import (
     Trusted,
     Workers,
 )
-from rover_pin.cli.terminal import drive_settings, report, stoppable
+from rover_pin.cli.terminal import drive_settings, stoppable
 
 
 def map_ground(
@@ -77,4 +78,5 @@ def map_ground(
     files, allowed = models_of(model) if model else (), Trust.of(effects, trust)
     with stoppable():
         _, summary = ground_map(scenario, settings, files, out, places, allowed, workers or None, scheduler or None)
-    report({"scenario": scenario, **summary}, as_json)
+    assumptions = summary.pop("assumptions")
+    report_assuming({"scenario": scenario, **summary}, assumptions, as_json, out)

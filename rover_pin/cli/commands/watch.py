@@ -1,14 +1,15 @@
 """`rover-pin watch`: runs the monitor, which predicts stuck and buried wheels, on a recorded drive."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from rover_pin.base.files.results_folder import alone_in
 from rover_pin.base.trust import Trust
+from rover_pin.cli.assumed import report_assuming
 from rover_pin.cli.options import AsJson, Effects, ModelFile, Out, Run, Trusted
-from rover_pin.cli.terminal import report, stoppable
+from rover_pin.cli.terminal import stoppable
 
 
 def watch(
@@ -25,12 +26,14 @@ def watch(
 
     from rover_pin import plot
     from rover_pin.base.files.paths import data_path
+    from rover_pin.base.settings import numbers_of
     from rover_pin.effects.motion_resistance import MotionResistance
     from rover_pin.experiments.drive_log.model import base_model, has_current_scale, undeclared_constants
     from rover_pin.logs.drive_log import read_drive_log
     from rover_pin.onboard.monitor.monitor import CAUSES, Monitor
     from rover_pin.onboard.monitor.recording import alarms, forecasts_of, monitor_input
     from rover_pin.plot.forecast import forecast_figure
+    from rover_pin.scenarios.assumptions import assumptions_of
     from rover_pin.simulation.model.toml_file import read_model
     from rover_pin.terrain.shapes import flat
 
@@ -68,5 +71,15 @@ def watch(
         for title, values in undeclared_constants(drive_log, {} if model is not None else records).items()
     ]
     assumed = [*undeclared, *readings.assumed]
-    result = {"run": trace.attrs["file"], "watched_s": float(readings.t[-1] - readings.t[0])}
-    report({**result, "alarms": lines, "assumed": assumed, "files": [str(table), str(figure)]}, as_json)
+    declared = drive_log.metadata
+    stated = {"soil": declared.soil, "motor": declared.motor, "effect.MotionResistance": declared.resistance}
+    numbers = [
+        number._replace(name=f"{owner}.{number.name}")
+        for owner, record in zip(stated, records.values(), strict=True)
+        for number in numbers_of(record)
+    ]
+    # A model file states all numbers; a log states those of its tables.
+    given = {f"{owner}.{name}" for owner, table in stated.items() for name in table} | ({"model"} if model else set())
+    result: dict[str, Any] = {"run": trace.attrs["file"], "watched_s": float(readings.t[-1] - readings.t[0])}
+    result |= {"alarms": lines, "assumed": assumed, "files": [str(table), str(figure)]}
+    report_assuming(result, assumptions_of(numbers, given), as_json, out)
