@@ -7,8 +7,14 @@ from typing import NamedTuple
 
 from rover_pin.base.quantity import Record, quantities
 from rover_pin.estimation.parameter import Parameter, declared_in, parameter_of
-from rover_pin.measurements.rig_file import DECLARED_SD, SIZE_SD, UNDECLARED_SD
 
+DECLARED_SD, UNDECLARED_SD = 0.35, 0.7
+"""Relative SD of a soil modulus (assumed). DECLARED_SD holds for a modulus that is declared without an SD: bench tests
+of one soil differ by about this much. UNDECLARED_SD holds for a modulus that is not declared: its default value may be
+wrong by a factor of 2 (e^0.7 = 2.0)."""
+SIZE_SD = 0.01
+"""Assumed relative SD of a wheel's radius or width that is declared without an SD; it equals the assumption for drive
+logs (`Sampling.wheel_error`)."""
 DECADES = math.log(5.0)
 """Distance between neighbouring initial guesses of log k and of log k_1 in a fit, if these constants have no prior."""
 WIDE = 0.25

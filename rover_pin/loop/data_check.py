@@ -13,6 +13,7 @@ from rover_pin.discrepancy.experiment import FileExperiment, Parts
 from rover_pin.estimation.parameter import declared_in, parameter_of
 from rover_pin.experiments.drive_log.checks import log as log_checks
 from rover_pin.experiments.drive_log.model import MOTOR_SD, usual_soil
+from rover_pin.experiments.soil_priors import DECLARED_SD
 from rover_pin.experiments.traction_factors import Shift, TractionFactors
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment, read_joint
@@ -22,7 +23,7 @@ from rover_pin.loop.close import MADE_BY, loop_data, read_data
 from rover_pin.loop.provenance import LoopRequest
 from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.drive_points import IN_POINTS, SAMPLING, drive_points, points_of_log
-from rover_pin.measurements.rig_file import DECLARED_SD, RIG_FILE
+from rover_pin.measurements.rig_file import RIG_FILE
 from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.measurements.rig_set import RigSet
 from rover_pin.measurements.traction_points import TractionPoints

@@ -346,16 +346,6 @@ def _with_slips(table: pd.DataFrame, where: str) -> pd.DataFrame:
     return converted
 
 
-DECLARED_SD, UNDECLARED_SD = 0.35, 0.7
-"""Relative SD of a soil modulus (assumed). DECLARED_SD holds for a modulus that is declared without an SD: bench tests
-of one soil differ by about this much. UNDECLARED_SD holds for a modulus that is not declared: its default value may be
-wrong by a factor of 2 (e^0.7 = 2.0)."""
-
-SIZE_SD = 0.01
-"""Assumed relative SD of a wheel's radius or width that is declared without an SD; it equals the assumption for drive
-logs (`Sampling.wheel_error`)."""
-
-
 def stated_ranges(table: Mapping[str, Any], where: str) -> dict[str, tuple[float, float]]:
     """Return the ranges that rig.toml states for wheel sizes and soil constants: name -> (low, high) in SI.
 

@@ -172,15 +172,16 @@ def most_decisive(assumptions: Sequence[Assumption], result: str, unit: str, cou
     assumptions : sequence of Assumption
         Assumptions with their influence, from `with_influence`.
     result, unit : str
-        Name of the result, and its unit.
+        Name of the result, such as distance_m, and its unit.
     count : int
         Maximum number of sentences.
     """
+    words = (result.removesuffix(f"_{unit}") if unit else result).replace("_", " ")
     weighed = [entry for entry in assumptions if entry.sd and entry.influence.get(result)]
     ordered = sorted(weighed, key=lambda entry: -abs(entry.influence[result]))
     return [
         f"{entry.name} = {entry.value:.4g} {entry.unit} +- {entry.sd:.2g}".replace("  ", " ")
-        + f": one SD more changes {result} by {entry.influence[result]:+.2g} {unit}".rstrip()
+        + f": one SD more changes the {words} by {entry.influence[result]:+.2g} {unit}".rstrip()
         for entry in ordered[:count]
     ]
 

@@ -329,5 +329,5 @@ def test_drive_prints_a_short_table(run):
     assert code == 0
     assert "scenario" in out
     assert "end x" in out
-    assert len(out.splitlines()) <= 20
+    assert len(out.splitlines()) <= 24
     assert Path("out/drive/log/drive.toml").is_file()

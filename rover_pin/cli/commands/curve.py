@@ -71,8 +71,8 @@ def curve(
         varied = traction_curves(
             chosen.replace(**parts["soil"]), lengths[:1], exponent, wheel.replace(**parts["wheel"])
         )
-        return {"F_torque_at_0.2": float(next(c for (form, _), c in varied.curves.items() if form == "torque")[20])}
+        return {"F_torque_at_S_0.2": float(next(c for (form, _), c in varied.curves.items() if form == "torque")[20])}
 
     assumptions = with_influence(assumptions_of(numbers, stated), torque_factor)
     result = {"soil": soil or "table-1", **rows, "files": [str(file) for file in files]}
-    report_assuming(result, assumptions, as_json, out, {"F_torque_at_0.2": ""})
+    report_assuming(result, assumptions, as_json, out, {"F_torque_at_S_0.2": ""})
