@@ -29,6 +29,7 @@ from rover_pin.estimation.numbers import BOUND_TOLERANCE, Number, implausible
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import NORMAL_95
 from rover_pin.estimation.random_effects.learnt_noise import with_learnt_noise
+from rover_pin.estimation.wording import MAX_NAMED
 from rover_pin.inference.beliefs import Beliefs, Hypothesis, chosen_without, errors_without
 from rover_pin.inference.cause import reading_error
 from rover_pin.inference.explore import Explorer
@@ -221,7 +222,7 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
     # A size at its bound means that the data ask for another law than that of the effect.
     prefixes = tuple(f"{name}." for name in decision.retained)
     strained = [number for number in after.numbers if prefixes and number.at_bound and number.name.startswith(prefixes)]
-    vetoes = tuple(f"{number.name} lies at its bound" for number in strained)
+    vetoes = (*decision.doubts, *(f"{number.name} lies at its bound" for number in strained))
 
     # The other possible sets of causes, whose sizes and errors the report compares with those of the kept set.
     sets = [names for names, _ in likeliest(decision.sets, deciding) if names and names != decision.retained]
@@ -247,7 +248,7 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
         errors.runs,
         {name: " + ".join(sorted(chosen)) for name, chosen in zip(folds, chosen_without(beliefs), strict=True)},
         vetoes,
-        lost_folds(errors.channels, question.experiment.no_value),
+        (*left_out(beliefs), *lost_folds(errors.channels, question.experiment.no_value)),
         overturned=decision.reasons,
         beliefs=beliefs,
         deciding=None if deciding is beliefs else deciding,
@@ -255,6 +256,19 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
         errors_anew=dict(zip(question.experiment.channels, errors_without(beliefs), strict=True)),
         others=others,
     )
+
+
+def left_out(beliefs: Beliefs) -> tuple[str, ...]:
+    """Return a sentence on the sets of causes that were not fitted because the budget of predictions was spent, if
+    there are any.
+    """
+    if beliefs.end is None or beliefs.end.predictions < beliefs.end.budget:
+        return ()
+    sets = [" + ".join(names) for names in beliefs.end.unfitted]
+    words = f"not fitted, although they may be more probable: {'; '.join(sets[:MAX_NAMED])}"
+    more = f" and {len(sets) - MAX_NAMED} more" if len(sets) > MAX_NAMED else ""
+    listed = f"{words}{more}" if sets else "no other set of causes is estimated to be more probable"
+    return (f"the search ended at its budget of {beliefs.end.budget} predictions of a model; {listed}",)
 
 
 def side_of(beliefs: Beliefs, hypothesis: Hypothesis) -> Side:

@@ -19,11 +19,20 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.least_squares import Task
 from rover_pin.estimation.profile import CONFIDENCE, MAJORITY
 from rover_pin.estimation.wording import Outcome, share
-from rover_pin.inference.beliefs import Beliefs, Hypothesis, across_folds, chosen_without, excluding, held_out_gain
+from rover_pin.inference.beliefs import (
+    Beliefs,
+    Hypothesis,
+    across_folds,
+    chosen_without,
+    excluding,
+    held_out_gain,
+    toward_prior,
+)
 
 MAX_CHI_SQUARE = 3.0
-"""Reduced chi2 of the model with the kept causes, above which a single fold that chooses other causes suffices to
-replace the probabilities by their averages over the folds.
+"""Reduced chi2 of the model with the kept causes, above which the probabilities do not follow from the evidence: they
+are averaged over the folds and one further fold with the prior probabilities. A single fold that chooses other causes
+then also suffices to change the answer.
 
 Probabilities are computed as if the residual were noise. At a reduced chi2 of 3, two thirds of the squared residual are
 not the declared noise, so that the probabilities given all data are too close to 0 and 1."""
@@ -54,6 +63,10 @@ def confirmed(beliefs: Beliefs, held_out_of: Callable[[Hypothesis], HeldOut]) ->
 
     3. If a channel is worse, but held-out error is removed in total, the answer is LIKE instead of NAMED.
 
+    4. If the reduced chi2 with the kept causes exceeds MAX_CHI_SQUARE, or if their fit did not reach its minimum, the
+    evidence cannot be certain of them. The answer is LIKE instead of NAMED, and the probabilities are averaged over the
+    folds and the prior (`toward_prior`), unless rule 1 has averaged them over folds that disagree.
+
     Parameters
     ----------
     beliefs : Beliefs
@@ -62,7 +75,7 @@ def confirmed(beliefs: Beliefs, held_out_of: Callable[[Hypothesis], HeldOut]) ->
         Takes the hypothesis of a set of causes and returns its held-out errors, compared with those of the base model.
     """
     evidence = decision = decide(beliefs)
-    deciding, reasons, basis = beliefs, [], ""
+    deciding, reasons, basis, is_averaged = beliefs, list[str](), "", False
     # Rule 1: a name must not depend on a few folds. `dropping` has the choice of each fold that drops the causes: the
     # set that is most probable without this fold, if it does not contain all of them.
     stands_alone, choices = decision.answer in (Answer.NAMED, Answer.LIKE), chosen_without(beliefs)
@@ -77,7 +90,7 @@ def confirmed(beliefs: Beliefs, held_out_of: Callable[[Hypothesis], HeldOut]) ->
             f"without {len(sets)} of the {len(choices)} folds, each left out alone ({', '.join(others)}); the stated "
             "probabilities are averages over the folds."
         )
-        deciding, basis = across_folds(beliefs), "on average over the folds"
+        deciding, basis, is_averaged = across_folds(beliefs), "on average over the folds", True
         # LIKE already states that the law leaves a discrepancy; a few folds change its probability only.
         if most_drop or decision.answer is Answer.NAMED:
             decision = decide(deciding)
@@ -108,7 +121,34 @@ def confirmed(beliefs: Beliefs, held_out_of: Callable[[Hypothesis], HeldOut]) ->
     is_open = beliefs.sets.get(frozenset(), 0.0) > 1.0 - CONFIDENCE
     if reasons and decision.answer is Answer.NONE_FITS and is_open:
         decision, deciding, basis = Decision(Answer.CANNOT_TELL, sets=evidence.sets), beliefs, ""
+        is_averaged = False
+    # Rule 4: without a description of the data, or without the minimum, no probability is near 0 or 1.
+    doubts = doubts_of(deciding, decision.retained)
+    if doubts:
+        if not is_averaged:
+            deciding = toward_prior(across_folds(deciding), len(choices))
+            basis = "on average over the folds and the prior"
+        answer = Answer.LIKE if decision.answer is Answer.NAMED else decision.answer
+        decision = decision._replace(answer=answer, doubts=doubts)
     return Confirmation(decision._replace(reasons=tuple(reasons), basis=basis), deciding)
+
+
+def doubts_of(beliefs: Beliefs, names: Sequence[str]) -> tuple[str, ...]:
+    """Return clauses that state why the evidence for the causes `names` is not to be trusted; empty if it is.
+
+    The residual with these causes may be too large to be noise, or their fit may have ended before its minimum.
+    """
+    model = f"the model with {' + '.join(names)}" if names else "the base model"
+    misfit, doubts = declared_fit(beliefs.best(names)).misfit, []
+    if misfit > MAX_CHI_SQUARE:
+        doubts.append(
+            f"the reduced chi-square of {model} is {misfit:.3g}, so that its residual is not noise and the evidence "
+            "overstates each probability"
+        )
+    fall = beliefs.end.falls.get(frozenset(names), 0.0) if beliefs.end is not None else 0.0
+    if fall:
+        doubts.append(f"the fit of {model} did not reach its minimum: chi2 can still decrease by about {fall:.2g}")
+    return tuple(doubts)
 
 
 def declared_fit(hypothesis: Hypothesis) -> Fit:

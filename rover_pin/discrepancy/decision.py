@@ -39,6 +39,9 @@ class Decision(NamedTuple):
     """sentences that state where held-out data contradict the evidence, if they do (see `confirm`)"""
     basis: str = ""
     """words for the origin of the probabilities that the answer states, if they do not follow from the evidence"""
+    doubts: tuple[str, ...] = ()
+    """clauses that state why the evidence is not to be trusted: a residual that is not noise, or a fit that did not
+    reach its minimum"""
 
 
 def decide(beliefs: Beliefs) -> Decision:

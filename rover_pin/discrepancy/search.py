@@ -26,12 +26,13 @@ from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.experiment import Experiment, model_at, slopes_at
 from rover_pin.estimation.fit import Fit, again, fit
 from rover_pin.estimation.least_squares import Task
+from rover_pin.estimation.minimum import to_minimum
 from rover_pin.estimation.noise import first_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import CLEAR_SDS, CONFIDENCE
 from rover_pin.estimation.random_effects.learnt_noise import with_noise
 from rover_pin.estimation.residual import residual
-from rover_pin.inference.beliefs import Beliefs
+from rover_pin.inference.beliefs import Beliefs, SearchEnd
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.expansion import Expansion
 from rover_pin.inference.linear_hypothesis import LinearHypothesis, linear_hypothesis, with_function
@@ -209,6 +210,12 @@ FOLLOW_MARGIN = 20.0
 """Largest difference between the best score of a fitted set and the estimated score of another set [nats], at which the
 other set is kept at all. e^-20 is 2e-9, so that even many sets beyond this margin together have no visible probability.
 """
+MAX_PREDICTIONS = 6000
+"""Largest number of models that a search predicts. When they are spent, no further set of causes is fitted, and the
+answer states which sets were left out.
+
+A search on the drive logs of the tests predicts up to 1,500 models. A search that needs four times as many is going
+from one local minimum to the next."""
 FITS_FROM_DECLARED = 6
 """Maximum number of causes whose fit is also started from the declared parameters of the base model. This is done if
 fitted parameters lie far outside their priors. The causes with the highest evidence at the declared values are chosen;
@@ -227,6 +234,10 @@ class Search:
 
     base: Fit
     progress: Progress = lambda message: None
+    budget: int = MAX_PREDICTIONS
+    """largest number of models that are predicted"""
+    predictions: int = 0
+    """number of models that were predicted so far"""
     options: dict[str, Option] = field(default_factory=dict)
     """name of each candidate -> the candidate at its best place"""
     fitted: dict[Names, list[LinearHypothesis]] = field(default_factory=dict)
@@ -245,15 +256,29 @@ class Search:
     difference arises if the change of the prediction is not proportional to the size of the effect"""
     lost: set[Names] = field(default_factory=set)
     """sets of causes for which no fit converged"""
+    falls: dict[Names, float] = field(default_factory=dict)
+    """sets of causes whose fit did not reach its minimum, although it was completed -> decrease of chi2 that a tested
+    point near its end still shows"""
+
+    @property
+    def is_spent(self) -> bool:
+        """Whether the budget of predictions is spent, so that nothing more is fitted."""
+        return self.predictions >= self.budget
 
     def beliefs(self) -> Beliefs:
         """Return the probabilities of all sets of causes, fitted or estimated. Sets whose estimated score is more than
         FOLLOW_MARGIN below the best score are dropped.
         """
-        least = self.best_score() - FOLLOW_MARGIN
-        estimates = [row for row in self._open() if self.score(row) > least]
+        best = self.best_score()
+        estimates = [row for row in self._open() if self.score(row) > best - FOLLOW_MARGIN]
         untried = tuple(name for name in self.options if frozenset((name,)) in self.lost)
-        return Beliefs((*itertools.chain(*self.fitted.values()), *estimates), max(len(self.options), 1), untried)
+        # If the budget is spent, a set may have an estimate above every fit. Without a fit it cannot be kept, so the
+        # answer names it as a set that was left out.
+        left_out = [row for row in estimates if self.is_spent and self.score(row) > best]
+        hypotheses = (*itertools.chain(*self.fitted.values()), *(row for row in estimates if row not in left_out))
+        unfitted = tuple(row.names for row in sorted(left_out, key=lambda row: -self.score(row)))
+        end = SearchEnd(self.predictions, self.budget, unfitted, dict(self.falls))
+        return Beliefs(hypotheses, max(len(self.options), 1), untried, end=end)
 
     def _open(self) -> list[LinearHypothesis]:
         """Return the estimates of the sets of causes that are not fitted, corrected by `shortfalls`.
@@ -292,14 +317,15 @@ class Search:
         estimates = alone(declared, at_declared, is_optimum=False) if at_declared else []
         for row in sorted(estimates, key=lambda row: -row.log_evidence)[:FITS_FROM_DECLARED]:
             names = frozenset(row.names)
-            if row.names[0] not in self.options:
+            if row.names[0] not in self.options or self.is_spent:
                 continue
             starts = [row, *([self.estimates[names]] if names in self.estimates else [])]
             ends = [fitted for fitted in (fitted_with(estimate, self.options, True) for estimate in starts) if fitted]
+            self.predictions += sum(fitted.predictions for _, fitted in ends)
             if ends:
                 self._note(*min(ends, key=lambda ending: ending[1].chi2))
         # Each step changes the probabilities, so the cheapest useful step is chosen again after every fit.
-        while self._end_promising() or self._fit_worthiest() or self._end_likely():
+        while not self.is_spent and (self._end_promising() or self._fit_worthiest() or self._end_likely()):
             pass
         return self.beliefs()
 
@@ -376,6 +402,7 @@ class Search:
                 # local minimum.
                 part = names - {name}
                 causes, fitted = part_of(self.base, self.fitted[names][0], part)
+                self.predictions += 0 if fitted is None else fitted.predictions
                 if fitted is not None and (part not in self.fitted or fitted.chi2 < self.fitted[part][0].fit.chi2):
                     self.finished.discard(part)
                     self._note(causes, fitted)
@@ -443,10 +470,12 @@ class Search:
         if fitted is None:
             self.lost.add(names)
             return
+        self.predictions += fitted[1].predictions
         self._note(*fitted)
         # A fit far below its estimate may have failed because of reused slopes, so it is repeated with new slopes.
         if self.fitted[names][0].log_evidence < estimate.log_evidence - FIT_MARGIN:
             repeated = fitted_with(estimate, self.options, False)
+            self.predictions += 0 if repeated is None else repeated[1].predictions
             if repeated is not None and repeated[1].chi2 < fitted[1].chi2:
                 self._note(*repeated)
         # A single added cause shows how far its estimates are too optimistic.
@@ -456,12 +485,18 @@ class Search:
             self.shortfalls[name] = min(self.shortfalls.get(name, fall), fall)
 
     def _end(self, names: Names) -> None:
-        """Complete the fit of the set of causes with these names: compute all derivatives of the prediction again, and
-        continue to the minimum.
+        """Complete the fit of the set of causes with these names: compute all derivatives of the prediction again,
+        continue to the minimum, and test it along the parameters of the causes.
         """
         self.finished.add(names)
         self.progress(f"completing the fit of {' + '.join(sorted(names))}")
-        self._note(self.fitted[names][0].causes, again(self.fitted[names][0].fit, stale=True))
+        causes = self.fitted[names][0].causes
+        end = to_minimum(self.fitted[names][0].fit, [number.name for cause in causes for number in cause.parameters])
+        self.predictions += end.predictions
+        self.falls.pop(names, None)
+        if end.fall:
+            self.falls[names] = end.fall
+        self._note(causes, end.fit)
 
     def leave(self, functions: Iterable[Columns]) -> None:
         """Add to every fitted set of causes a second hypothesis: that an unlisted function of the inputs acts in

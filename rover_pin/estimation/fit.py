@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from rover_pin.base.errors import OptimisationError
+from rover_pin.estimation.descent import full_step
 from rover_pin.estimation.experiment import Differentiable, model_at
 from rover_pin.estimation.least_squares import LeastSquares, Task, WithDifferences
 from rover_pin.estimation.noise import rms_of
@@ -51,6 +52,8 @@ class Fit:
     slopes: Mapping[str, np.ndarray] = field(repr=False)
     """name of a parameter u -> derivatives of the prediction by this parameter, d predicted / d u (folds, channels,
     samples)"""
+    predictions: int = 0
+    """number of models that were predicted for this fit, if its derivatives are finite differences; 0 otherwise"""
 
     @property
     def residual(self) -> np.ndarray:
@@ -159,6 +162,16 @@ class Fit:
         spread = self.covariance
         return np.diag(spread @ (small_sample_factor * sums.T @ sums + prior_curvature(self.parameters)) @ spread)
 
+    @property
+    def remaining_fall(self) -> float:
+        """Decrease of chi2 that the derivatives predict for one more Newton step within the bounds of the parameters.
+
+        At a minimum of chi2 it is 0. A large value shows that the fit ended before its minimum.
+        """
+        problem = LeastSquares(self.task, self.model, self.parameters)
+        point = problem.point(self.u, self.predicted, np.array([self.slopes[row.name] for row in self.parameters]))
+        return point.promised_fall(full_step(problem, point)) if len(self.u) else 0.0
+
     def value(self, name: str) -> float:
         """Return the fitted value of the parameter with this name [SI]."""
         at = [parameter.name for parameter in self.parameters].index(name)
@@ -251,9 +264,9 @@ def fit(
     # with them.
     u, names = arrays["u"], [parameter.name for parameter in parameters]
     slopes_by_name = known_slopes | dict(zip(names, arrays["slopes"], strict=True))
-    return Fit(
-        task, model_at(task.experiment, model, parameters, u), tuple(parameters), u, arrays["predicted"], slopes_by_name
-    )
+    fitted = model_at(task.experiment, model, parameters, u)
+    predictions = int(arrays.get("predictions", 0))
+    return Fit(task, fitted, tuple(parameters), u, arrays["predicted"], slopes_by_name, predictions)
 
 
 def again(base: Fit, reuse: bool = False, stale: bool = False) -> Fit:

@@ -69,7 +69,7 @@ class LeastSquares(Problem):
         experiment = self.task.experiment
         assert isinstance(experiment, Differentiable)
         predicted, slopes = experiment.sensitivities(self.model, self.parameters, u)
-        return self._point(u, predicted, slopes, self.task.columns(slopes))
+        return self.point(u, predicted, slopes)
 
     def solution(self, start: np.ndarray) -> Arrays:
         """Return the fitted parameters u, the prediction, and its derivatives by u, after a descent from `start`
@@ -80,13 +80,16 @@ class LeastSquares(Problem):
         end = descend(self, start)
         return {"u": end.u, "predicted": end.predicted, "slopes": end.slopes}
 
-    def _point(self, u: np.ndarray, predicted: np.ndarray, slopes: np.ndarray, columns: np.ndarray) -> Point:
+    def point(
+        self, u: np.ndarray, predicted: np.ndarray, slopes: np.ndarray, columns: np.ndarray | None = None
+    ) -> Point:
         """Return a point of the descent (rows and Jacobian) from a prediction at u.
 
-        `slopes` are the derivatives of the prediction by u, and `columns` the derivatives of the whitened residuals.
-        For a residual beyond HUBER_THRESHOLD, the row is the square root of Huber's loss with the sign of the residual,
+        `slopes` are the derivatives of the prediction by u. `columns` are the derivatives of the whitened residuals, if
+        they are known already. For a residual beyond HUBER_THRESHOLD, the row is the square root of Huber's loss with the sign of the residual,
         so that the sum of the squared rows is the robust chi2.
         """
+        columns = self.task.columns(slopes) if columns is None else columns
         # Huber's loss is written as the square of a row, because the descent minimises a sum of squares. The derivative
         # of the row follows by the chain rule.
         rows = self.task.rows(predicted)
@@ -105,7 +108,7 @@ class WithDifferences(LeastSquares):
     Finite differences are expensive, so that they are reused until they are no longer good enough. The fit starts with
     the derivatives `known_slopes` (name of the parameter -> derivatives). If `reuse` is True, only derivatives that
     were not given may be computed again. If `stale` is True, the derivatives are computed again at least once before
-    the fit ends.
+    the fit ends. `predictions` counts the models that were predicted so far.
     """
 
     def __init__(
@@ -127,17 +130,19 @@ class WithDifferences(LeastSquares):
         self._slopes = self._columns = np.zeros((len(is_known), 0))
         # Point u at which all renewable derivatives were computed last.
         self._fresh_at: np.ndarray | None = None
+        self.predictions = 0
 
     def evaluate(self, u: np.ndarray) -> Point:
         """Return the rows at u (parameters,), and their Jacobian from the derivatives that were computed last."""
         predicted = self.task.experiment.predict([model_at(self.task.experiment, self.model, self.parameters, u)])[0]
+        self.predictions += 1
         # First call: take the known derivatives and compute the missing ones here.
         if not self._slopes.size:
             zero = np.zeros_like(predicted)
             self._slopes = np.array([self._known.get(parameter.name, zero) for parameter in self.parameters])
             self._take_slopes(self._missing, u)
             self._fresh_at = u if len(self._missing) == len(self._renewable) else None
-        return self._point(u, predicted, self._slopes, self._columns)
+        return self.point(u, predicted, self._slopes, self._columns)
 
     def renew(self, point: Point, is_end: bool) -> Point | None:
         """Compute the derivatives at this point again and return the new point.
@@ -150,7 +155,7 @@ class WithDifferences(LeastSquares):
             return None
         self._take_slopes(self._renewable, point.u)
         self._fresh_at, self._must_renew, self._renewals = point.u, False, self._renewals - 1
-        return self._point(point.u, point.predicted, self._slopes, self._columns)
+        return self.point(point.u, point.predicted, self._slopes, self._columns)
 
     def solution(self, start: np.ndarray) -> Arrays:
         """Descend from `start` (parameters,) and return the fitted parameters u, the prediction, and its derivatives by
@@ -165,7 +170,8 @@ class WithDifferences(LeastSquares):
         step = full_step(self, end)
         step = step if end.promised_fall(step) < MIN_PROMISED_FALL else np.zeros_like(step)
         predicted = end.predicted + np.tensordot(step, end.slopes, 1)
-        return {"u": end.u + step, "predicted": predicted, "slopes": end.slopes}
+        count = np.array(self.predictions)
+        return {"u": end.u + step, "predicted": predicted, "slopes": end.slopes, "predictions": count}
 
     def _take_slopes(self, which: np.ndarray, u: np.ndarray) -> None:
         """Compute the derivatives by the parameters with the indices `which` at u, and store them in place of earlier
@@ -176,4 +182,6 @@ class WithDifferences(LeastSquares):
             parameters = [self.parameters[place] for place in which]
             self._slopes = self._slopes.copy()
             self._slopes[which] = slopes_at(self.task.experiment, model, parameters, u[which])
+            # One model for each derivative, the model in the centre, and one with all parameters changed together.
+            self.predictions += len(which) + 2
         self._columns = self.task.columns(self._slopes)

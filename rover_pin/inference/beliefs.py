@@ -7,7 +7,7 @@ leaves out together.
 """
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Sequence, Set
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
@@ -33,6 +33,22 @@ Hypothesis = fitted.Hypothesis | LinearHypothesis
 Either the set was fitted itself, or its evidence was estimated from the fit of a subset of its causes."""
 
 
+class SearchEnd(NamedTuple):
+    """How far a search for the sets of causes came: its predictions, the sets that it left out, and the fits that did
+    not reach their minimum.
+    """
+
+    predictions: int
+    """number of models that were predicted"""
+    budget: int
+    """largest number of models that the search may predict"""
+    unfitted: tuple[tuple[str, ...], ...] = ()
+    """sets of causes that were not fitted because the budget was spent, although their estimated evidence exceeds the
+    evidence of every fitted set"""
+    falls: Mapping[frozenset[str], float] = {}
+    """sets of causes whose fit did not reach its minimum -> decrease of chi2 that is still possible"""
+
+
 class HeldOutGain(NamedTuple):
     """Improvement of the prediction of held-out data by a set of causes: the log predictive density of every fold with
     the set minus the log predictive density without any cause, summed over the folds [nats].
@@ -56,6 +72,8 @@ class Beliefs:
     given_scores: np.ndarray | None = field(default=None, repr=False)
     """scores (hypotheses,) that replace the scores from the evidence, for example averages over folds; None if the
     scores follow from the evidence"""
+    end: SearchEnd | None = field(default=None, repr=False)
+    """how far the search came; None if every fit has exact derivatives and the number of fits is fixed"""
 
     @cached_property
     def scores(self) -> np.ndarray:
@@ -280,6 +298,19 @@ def across_folds(beliefs: Beliefs) -> Beliefs:
     log_weights = scores_without(beliefs)
     log_weights = log_weights - logsumexp(log_weights, axis=1, keepdims=True)
     return replace(beliefs, given_scores=np.asarray(logsumexp(log_weights, axis=0) - math.log(len(log_weights))))
+
+
+def toward_prior(averaged: Beliefs, folds: int) -> Beliefs:
+    """Return the same hypotheses with probabilities that count one further fold, about which nothing is known.
+
+    `averaged` has the probabilities that were averaged over the folds (`across_folds`), and `folds` is their number F.
+    The result is (F p + p_0) / (F + 1), with the averages p and the prior probabilities p_0. If no hypothesis describes
+    the data, all folds may agree on the same wrong set, and their average is 0 or 1. F folds that agree are then F
+    observations and no proof, so that no probability exceeds F / (F + 1) by more than its prior.
+    """
+    priors = [log_prior(len(row.causes), averaged.choice, row.discrepancy) for row in averaged.hypotheses]
+    weights = (folds * averaged.weights + np.exp(priors - logsumexp(priors))) / (folds + 1)
+    return replace(averaged, given_scores=np.log(weights))
 
 
 def excluding(beliefs: Beliefs, names: Iterable[str]) -> Beliefs:

@@ -57,6 +57,8 @@ class LinearHypothesis:
     """whether the discrepancy is larger than the noise in at least one channel of one fold"""
     shares: np.ndarray | None = None
     """contribution of each fold (folds,) to the log evidence if there is a discrepancy; None without a discrepancy"""
+    missed: np.ndarray | None = field(default=None, repr=False)
+    """whitened residuals (n,) after the discrepancy was subtracted; None without a discrepancy"""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -139,10 +141,16 @@ class LinearHypothesis:
     def noise_taken(self) -> dict[str, float]:
         """Name of a channel -> its estimated noise divided by its declared noise. If the data declare no noise, the
         estimated noise is divided by the scatter of the samples.
+
+        With declared noise, this is the robust RMS of the channel's residual, because the noise scale of the evidence
+        is common to all channels and lies within the range of its prior, however large a residual is.
         """
         scatter, noise = self.experiment.floor(), self.fit.task.noise
         if self.experiment.noise() is not None or scatter is None:
-            return dict.fromkeys(self.experiment.channels, self.posterior.scale / math.sqrt(noise.inflation))
+            losses = np.zeros(noise.good.shape)
+            losses[noise.good] = huber_losses(self.fit.rows if self.missed is None else self.missed)
+            means = losses.sum(axis=(0, 2)) / np.maximum(noise.good.sum(axis=(0, 2)), 1)
+            return dict(zip(self.experiment.channels, np.sqrt(means).tolist(), strict=True))
         # Learnt noise is compared with the scatter of the samples within a block, the smallest noise that is possible.
         times = noise.floor / noise.lower_bound(scatter)
         return dict(zip(self.experiment.channels, times.tolist(), strict=True))
@@ -231,4 +239,5 @@ def with_function(plain: LinearHypothesis, evidence: FunctionEvidence) -> Linear
         discrepancy=Discrepancy.SMOOTH,
         leaves_more=bool(rms.max() > MIN_DISCREPANCY_RATIO),
         shares=shares,
+        missed=evidence.missed,
     )

@@ -10,7 +10,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.confirm import confirmed, worse_channels
 from rover_pin.discrepancy.decision import decide, sentence
 from rover_pin.discrepancy.held_out_errors import ChannelScore, HeldOut
-from rover_pin.inference.beliefs import Beliefs, across_folds, excluding, held_out_gain
+from rover_pin.inference.beliefs import Beliefs, SearchEnd, across_folds, excluding, held_out_gain, toward_prior
 from rover_pin.inference.error_model import Discrepancy
 
 FOLDS = 4
@@ -171,3 +171,32 @@ def test_gain_and_averages_follow_from_the_densities_of_the_folds():
     average = (weights / weights.sum(axis=0)).mean(axis=1)
     assert list(across_folds(made).weights) == pytest.approx(list(average))
     assert {frozenset(): 0.5, frozenset("B"): 0.5} == pytest.approx(excluding(made, "A").sets)
+
+
+def test_far_from_the_noise_nothing_is_certain_although_all_folds_agree():
+    """A reduced chi2 of 40 is no noise: the name stays similar, and four folds that agree are no proof."""
+    found = confirmed(beliefs(STEADY, misfit=40.0), errors())
+    assert (found.decision.answer, found.decision.retained) == (Answer.LIKE, ("A",))
+    (doubt,) = found.decision.doubts
+    assert "40" in doubt
+    assert 0.5 < found.beliefs.inclusion("A") < 0.9
+    assert "1.00" not in sentence(found.decision, found.beliefs, 0.9, 50.0)
+
+
+def test_a_fit_that_still_falls_is_not_certain_either():
+    made = beliefs(STEADY)
+    ended = Beliefs(made.hypotheses, 5, given_scores=made.scores, end=SearchEnd(10, 100, (), {frozenset("A"): 12.0}))
+    found = confirmed(ended, errors())
+    assert found.decision.answer is Answer.LIKE
+    assert "12" in found.decision.doubts[0]
+    elsewhere = Beliefs(made.hypotheses, 5, given_scores=made.scores, end=SearchEnd(10, 100, (), {frozenset("B"): 9.0}))
+    assert confirmed(elsewhere, errors()).decision.answer is Answer.NAMED
+
+
+def test_one_more_fold_has_the_prior_probabilities():
+    averaged = across_folds(beliefs(STEADY))
+    counted = toward_prior(averaged, FOLDS)
+    prior = {"A": 0.3 * 0.6 / 5, "": 0.5 * 0.7}
+    share = prior["A"] / sum(prior.values())
+    assert counted.inclusion("A") == pytest.approx((FOLDS * averaged.inclusion("A") + share) / (FOLDS + 1))
+    assert sum(counted.weights) == pytest.approx(1.0)

@@ -11,6 +11,7 @@ from scipy.special import logsumexp
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy import search as module
+from rover_pin.discrepancy.conclude import left_out
 from rover_pin.discrepancy.search import Search, is_bent
 from rover_pin.discrepancy.signature import options, signatures, singles
 from rover_pin.estimation.columns import Columns
@@ -185,6 +186,39 @@ def test_what_leads_is_always_fitted(most, monkeypatch):
     beliefs = toys.searched(toys.made(NAMES, sizes, size=15.0), NAMES).beliefs()
     assert beliefs.best().is_fitted
     assert set(beliefs.best().names) == set(sizes)
+
+
+def test_a_spent_budget_ends_the_search_and_is_said():
+    """No fit at all but of the base model: what is more probable by its estimate is named as left out, and not kept."""
+    experiment = toys.made(NAMES, {"q": 1.5}, size=12.0)
+    base = toys.fitted(experiment)
+    search = Search(base, budget=0)
+    beliefs = search.run(signatures(base, [toys.candidate(name) for name in NAMES]))
+    assert set(search.fitted) == {frozenset()}
+    assert beliefs.best().names == ()
+    assert ("q",) in beliefs.end.unfitted
+    (said,) = left_out(beliefs)
+    assert "q" in said
+    whole = toys.searched(experiment, NAMES)
+    assert whole.beliefs().end.unfitted == ()
+    assert left_out(whole.beliefs()) == ()
+    assert 0 < whole.predictions == whole.beliefs().end.predictions <= experiment_predictions(experiment)
+
+
+def experiment_predictions(experiment):
+    """Models that were predicted, those of candidates and of the base model's fit included."""
+    return sum(experiment.asked)
+
+
+@pytest.mark.parametrize("times", [1.0, 6.0])
+def test_a_residual_beyond_its_declared_noise_is_stated_by_channel(times):
+    """The noise scale of the evidence stays within its prior; the ratio of a channel does not."""
+    experiment = toys.made("pq", seed=4)
+    louder = experiment.observed.copy()
+    louder[:, 1] *= times
+    taken = toys.searched(replace(experiment, observed=louder), "pq").beliefs().noise_taken(())
+    assert taken["c0"] == pytest.approx(1.0, abs=0.4), "the fit also follows the louder channel"
+    assert taken["c1"] == pytest.approx(times, rel=0.4), "large residuals count less than squared"
 
 
 def test_a_set_is_ended_only_while_it_is_likely(monkeypatch):
