@@ -210,12 +210,12 @@ FOLLOW_MARGIN = 20.0
 """Largest difference between the best score of a fitted set and the estimated score of another set [nats], at which the
 other set is kept at all. e^-20 is 2e-9, so that even many sets beyond this margin together have no visible probability.
 """
-MAX_PREDICTIONS = 6000
-"""Largest number of models that a search predicts. When they are spent, no further set of causes is fitted, and the
-answer states which sets were left out.
+MAX_PREDICTIONS = 3000
+"""Largest number of models that the fits of a search predict. When they are spent, no further set of causes is fitted,
+and the answer states which sets were left out.
 
-A search on the drive logs of the tests predicts up to 1,500 models. A search that needs four times as many is going
-from one local minimum to the next."""
+The searches on the drive logs of the tests predict 190 to 290 models. A search that needs ten times as many goes from
+one local minimum to the next."""
 FITS_FROM_DECLARED = 6
 """Maximum number of causes whose fit is also started from the declared parameters of the base model. This is done if
 fitted parameters lie far outside their priors. The causes with the highest evidence at the declared values are chosen;

@@ -86,8 +86,8 @@ class LeastSquares(Problem):
         """Return a point of the descent (rows and Jacobian) from a prediction at u.
 
         `slopes` are the derivatives of the prediction by u. `columns` are the derivatives of the whitened residuals, if
-        they are known already. For a residual beyond HUBER_THRESHOLD, the row is the square root of Huber's loss with the sign of the residual,
-        so that the sum of the squared rows is the robust chi2.
+        they are known already. For a residual beyond HUBER_THRESHOLD, the row is the square root of Huber's loss with
+        the sign of the residual, so that the sum of the squared rows is the robust chi2.
         """
         columns = self.task.columns(slopes) if columns is None else columns
         # Huber's loss is written as the square of a row, because the descent minimises a sum of squares. The derivative

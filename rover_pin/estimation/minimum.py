@@ -3,8 +3,8 @@
 A fit with finite differences can end before the minimum: its derivatives are reused, and the prediction may bend or
 jump between the points at which they were computed. Two tests need no trust in the derivatives at the end. The first
 predicts the model at points along chosen parameters, lets the other parameters follow, and starts a new descent where
-chi2 is smaller: this is the profile of chi2 along these parameters. The second is the decrease of chi2 that the derivatives
-still predict.
+chi2 is smaller: this is the profile of chi2 along these parameters. The second is the decrease of chi2 that the
+derivatives still predict.
 """
 
 from collections.abc import Sequence
@@ -25,8 +25,8 @@ prior SD if this is smaller. The outer points lie outside the interval, because 
 slope of chi2 can be too narrow. The inner points are for the opposite case: at a local minimum with small derivatives,
 the interval is too wide."""
 MIN_LOWER = 2.0
-"""Smallest decrease of chi2 (per inflation of the noise) at a tested point that starts a new descent. A decrease by 2 is
-one nat of log evidence; a smaller one does not change an answer."""
+"""Smallest decrease of chi2 (per inflation of the noise) at a tested point that starts a new descent. A decrease by 2
+is one nat of log evidence; a smaller one does not change an answer."""
 MAX_DESCENTS = 4
 """Maximum number of further descents, each from the tested point with the smallest chi2. If the tested points are still
 lower after the last one, the fit did not reach its minimum, and the answer states this. Each descent computes the

@@ -1,4 +1,4 @@
-"""A fit is taken to the minimum of chi2, also where its derivatives show no way down, and says where it is not there."""
+"""A fit is taken to the minimum of chi2, also from a local minimum, and states if it did not get there."""
 
 import math
 from dataclasses import dataclass
