@@ -130,12 +130,25 @@ class VerticalMoment(RigChannel):
     is_sideways: ClassVar[bool] = True
 
 
+class MotorTorque(RigChannel):
+    """Torque of the wheel about its axle [N m] as computed from the current of its motor, positive if it drives the
+    wheel forwards.
+
+    Its scale (torque constant and efficiency of the gear) and its zero (no-load current) are uncertain. They are
+    independent of the errors of a torque cell, so that a rig may state both torques of a run.
+    """
+
+    name: ClassVar[str] = "torque by motor current"
+    unit: ClassVar[str] = "N m"
+    column: ClassVar[str] = "motor_torque_Nm"
+
+
 def sd_column(column: str) -> str:
     """Return the name of the column that holds the SD of a channel: drawbar_pull_sd_N for the column drawbar_pull_N."""
     return "_sd_".join(column.rsplit("_", 1))
 
 
-RIG_CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage, SideForce, VerticalMoment)
+RIG_CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage, SideForce, VerticalMoment, MotorTorque)
 """The classes of the channels that a rig can measure, in the common order of tables and predictions."""
 
 
@@ -149,7 +162,8 @@ class RigErrors(Record):
     * pull s_f f_t + f_0 + x W' and side force s_f s_y f_y + f_y0, because one load cell of scale s_f measures both;
     * torque s_T T + T_0, where T_0 is the zero error with the friction of bearing and seals;
     * sinkage s_h h + h_0, where h_0 is a wrong zero, or a radius measured over instead of under the lugs;
-    * moment s_M (M - x_0 f_y) + M_0, where x_0 is the distance of the cell's vertical axis ahead of the wheel's centre.
+    * moment s_M (M - x_0 f_y) + M_0, where x_0 is the distance of the cell's vertical axis ahead of the wheel's centre;
+    * torque by motor current s_I T + T_I0, where T_I0 is the torque of the no-load current.
 
     A wheel that is pressed into the soil without turning meets s_p times the force of the law for rolling
     (`experiments.wheel_rig.runs`). An error that `rig.toml` states with an `sd` is a nuisance parameter of every fit,
@@ -172,6 +186,8 @@ class RigErrors(Record):
     sinkage_scale: Scalar = quantity(1.0, "", "reading over sinkage: 1", 0.5, 2.0, "s_h")
     side_scale: Scalar = quantity(1.0, "", "additional scale of the side force after s_f: 1", 0.5, 2.0, "s_y")
     moment_scale: Scalar = quantity(1.0, "", "reading over moment: 1", 0.5, 2.0, "s_M")
+    motor_torque_tare: Scalar = quantity(0.0, "N m", "none unless [rig] states it", -1e4, 1e4, "T_I0")
+    motor_torque_scale: Scalar = quantity(1.0, "", "reading over torque: 1", 0.2, 5.0, "s_I")
     pressing_scale: Scalar = quantity(1.0, "", "force of pressing in over that of the law: 1", 0.2, 5.0, "s_p")
 
     def read(self, forces: Load, h: Scalar, load: Scalar) -> tuple[Scalar, ...]:
@@ -189,7 +205,7 @@ class RigErrors(Record):
         Returns
         -------
         tuple
-            Pull [N], torque [N m], sinkage [m], side force [N] and moment [N m].
+            Pull [N], torque [N m], sinkage [m], side force [N], moment [N m] and torque by motor current [N m].
         """
         # One load cell measures pull and side force, so that both share its scale; the load of the wheel appears in the
         # pull by cross-talk.
@@ -199,4 +215,5 @@ class RigErrors(Record):
             self.sinkage_scale * h + self.sinkage_zero,
             self.force_scale * self.side_scale * forces.f_y + self.side_tare,
             self.moment_scale * (forces.moment_z - self.moment_arm * forces.f_y) + self.moment_tare,
+            self.motor_torque_scale * forces.torque + self.motor_torque_tare,
         )

@@ -17,7 +17,7 @@ from rover_pin.base.files.toml_file import table_in, text_in
 from rover_pin.base.quantity import quantities, refuse_strange, to_si, value_and_unit
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
-from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull, RigErrors
+from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull, MotorTorque, RigErrors, sd_column
 from rover_pin.measurements.checks import PAPER_DEFINITION, column, slip_by_definition, slips
 from rover_pin.parameters.bekker import bekker_si
 from rover_pin.parameters.gravity import EARTH, GRAVITIES, gravity_from
@@ -32,6 +32,9 @@ SLIP_DEFINITION, GRAVITY = "slip_definition", "gravity"
 LOAD_MASS = "load_kg"
 """Name of a column of the points that may replace load_N: the mass on the wheel [kg]. The load is this mass times
 gravity."""
+MOTOR_CURRENT, TORQUE_CONSTANT = "motor_current_A", "torque_constant"
+"""Name of a column of the points that may replace motor_torque_Nm, the current of the wheel's motor [A]; and key of
+[rig] with the torque at the axle for each ampere [N m/A]."""
 BEKKER_UNITS = {"k_c": "N/m^(n+1)", "k_phi": "N/m^(n+2)"}
 """Units of Bekker's constants, which depend on the exponent n."""
 CHANNELS = tuple(kind.column.rpartition("_")[0] for kind in RIG_CHANNELS)
@@ -78,9 +81,9 @@ TABLES = {
     "files": ("points", "penetration", "transient"),
     "wheel": (*quantities(Wheel), "surface", OVER_LUGS, *(name for name, of in BESIDE.items() if of.table == "wheel")),
     "soil": (*quantities(Soil), *BEKKER_UNITS, *(name for name, of in BESIDE.items() if of.table == "soil")),
-    "rig": tuple(quantities(RigErrors)),
+    "rig": (*quantities(RigErrors), TORQUE_CONSTANT),
     "speed": ("carriage", "rim"),
-    "noise": (*(f"{name}{end}" for name in CHANNELS for end in ("", "_over_load")), "slope"),
+    "noise": (*(f"{name}{end}" for name in CHANNELS for end in ("", "_over_load")), "slope", MOTOR_CURRENT[:-2]),
 }
 """The tables that rig.toml may have, each with the keys that it may hold."""
 MEANT = {
@@ -239,8 +242,8 @@ def read_rig_points(folder: Path, document: Mapping[str, Any], rim_share: float,
     channels in SI.
 
     Eq (1) of the paper is S = (r omega - v) / max(r omega, v), with the rim speed r omega and the travel speed v.
-    Masses become loads. Slips of another definition, or of the lug tips, become the rim's slip of Eq (1). Missing slips
-    are computed from both speeds. A slope becomes a load and a pull.
+    Masses become loads, and currents of the motor torques. Slips of another definition, or of the lug tips, become the
+    rim's slip of Eq (1). Missing slips are computed from both speeds. A slope becomes a load and a pull.
 
     Parameters
     ----------
@@ -256,7 +259,8 @@ def read_rig_points(folder: Path, document: Mapping[str, Any], rim_share: float,
     Raises
     ------
     DataError
-        A missing file or column; a column in another unit; a slope next to a drawbar pull, or a slope that is no angle.
+        A missing file or column; a column in another unit; a slope next to a drawbar pull, or a slope that is no angle;
+        a current of the motor without a torque constant.
     """
     where = f"{folder.name}/rig.toml"
     points = trust.within(folder, text_in(table_in(document, "files", where), "points", where, "points.csv"), where)
@@ -271,6 +275,7 @@ def read_rig_points(folder: Path, document: Mapping[str, Any], rim_share: float,
         table = measured_points(points, ("slip", "load_N"))  # refuses, and names the column that may be meant
     # A known column in another unit or without a unit, such as `sinkage_mm` or `sinkage`, would otherwise be ignored,
     # as if the channel had not been measured. Column names are therefore compared without their units.
+    table = _with_motor_torque(table, document, where, points_label)
     columns = ("slip", "load_N", SLOPE, *(kind.column for kind in RIG_CHANNELS))
     stems = {name.rpartition("_")[0] or name: name for name in columns}
     for name in map(str, table.columns):
@@ -316,6 +321,34 @@ def read_rig_points(folder: Path, document: Mapping[str, Any], rim_share: float,
         if "rim_speed_mps" in table:
             table = table.assign(rim_speed_mps=rim_share * table["rim_speed_mps"])
     return table
+
+
+def _with_motor_torque(table: pd.DataFrame, document: Mapping[str, Any], where: str, points_label: str) -> pd.DataFrame:
+    """Return the table of points with the current of the motor converted to the torque at the axle, by the torque
+    constant that [rig] of rig.toml declares.
+
+    An SD of the current, as a column or in [noise], becomes an SD of this torque. Raises DataError if the torque
+    constant is missing, or if the table has the torque by motor current too.
+    """
+    if MOTOR_CURRENT not in table:
+        return table
+    constant = table_in(document, "rig", where).get(TORQUE_CONSTANT)
+    if constant is None:
+        raise DataError(
+            f"{points_label}: {MOTOR_CURRENT} needs the torque at the axle for each ampere: write [rig] "
+            f"{TORQUE_CONSTANT} = {{ value, unit = 'N m/A' }}, with the ratio of the gear."
+        )
+    if MotorTorque.column in table:
+        raise DataError(f"{points_label}: {MOTOR_CURRENT} replaces {MotorTorque.column}; leave one of the two out.")
+    by_ampere = number_si(constant, "N m/A", f"{where}: {TORQUE_CONSTANT}")
+    if not 0.0 < by_ampere < math.inf:
+        raise DataError(f"{where}: {TORQUE_CONSTANT} = {by_ampere:g} N m/A is not a positive number.")
+    noise, stem = table_in(document, "noise", where), MOTOR_CURRENT.rpartition("_")[0]
+    sd: Any = table.get(sd_column(MOTOR_CURRENT))
+    sd = number_si(noise[stem], "A", f"{where}: noise of {stem}") if stem in noise else sd
+    current = column(table[MOTOR_CURRENT], MOTOR_CURRENT, points_label, gaps=True)
+    table = table.drop(columns=MOTOR_CURRENT).assign(**{MotorTorque.column: by_ampere * current})
+    return table if sd is None else table.assign(**{sd_column(MotorTorque.column): abs(by_ampere) * sd})
 
 
 def _with_slips(table: pd.DataFrame, where: str) -> pd.DataFrame:

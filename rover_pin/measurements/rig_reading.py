@@ -15,10 +15,10 @@ import pandas as pd
 from rover_pin.base.encode import printable
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.toml_file import read_toml, table_in
-from rover_pin.base.quantity import declared_sds, record_from
+from rover_pin.base.quantity import declared_sd, declared_sds, record_from
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
-from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel, RigErrors, SideForce, sd_column
+from rover_pin.measurements.channel import RIG_CHANNELS, MotorTorque, RigChannel, RigErrors, SideForce, sd_column
 from rover_pin.measurements.checks import Finding, column
 from rover_pin.measurements.pressed import declared_trials
 from rover_pin.measurements.repeats import MIN_FREEDOM, level_numbers, repeat_groups, repeat_noise
@@ -32,6 +32,7 @@ from rover_pin.measurements.rig_file import (
     RIG_FILE,
     SLOPE,
     SPEEDS,
+    TORQUE_CONSTANT,
     declared_beside,
     declared_constants,
     declared_gravity,
@@ -90,10 +91,16 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     try:
         dimensions, rim_share = rim_of(document, where)
         table = read_rig_points(folder, document, rim_share, trust)
-        rig = {name: entry for name, entry in tables["rig"].items() if name != "note"}
+        rig = {name: entry for name, entry in tables["rig"].items() if name not in ("note", TORQUE_CONSTANT)}
         errors = record_from(RigErrors, rig, f"{where}: [rig]")
         # Uncertain errors of the rig and uncertain sizes of the wheel are nuisance parameters of later fits.
         error_sd = {f"rig.{name}": sd for name, sd in declared_sds(rig, RigErrors, f"{where}: [rig]").items()}
+        # An uncertain torque constant is an uncertain scale of the torque that follows from it.
+        constant = tables["rig"].get(TORQUE_CONSTANT, 0.0)
+        sd = declared_sd(constant, "N m/A", f"{where}: the sd of '{TORQUE_CONSTANT}'")
+        if sd is not None and MotorTorque.column in table:
+            by_ampere = number_si(constant, "N m/A", f"{where}: {TORQUE_CONSTANT}")
+            error_sd.setdefault("rig.motor_torque_scale", sd / by_ampere)
         data = RigSet(
             wheel=record_from(Wheel, dimensions, where),
             slip=table["slip"],

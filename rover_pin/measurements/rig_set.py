@@ -66,7 +66,8 @@ class RigSet:
     load : float or array (points,)
         Vertical load [N].
     channels : tuple of RigChannel
-        Measured channels with the SD of one run: `DrawbarPull`, `Torque`, `Sinkage`, `SideForce`, `VerticalMoment`.
+        Measured channels with the SD of one run: `DrawbarPull`, `Torque`, `Sinkage`, `SideForce`, `VerticalMoment`,
+        `MotorTorque`.
     name : str
         Name of the data set, for messages.
     wheel_range : mapping

@@ -8,7 +8,7 @@ from rover_pin.base.errors import DataError
 from rover_pin.estimation.residual import HUBER_THRESHOLD
 from rover_pin.estimation.wording import MAX_NOISE_RATIO
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
-from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel
+from rover_pin.measurements.channel import DrawbarPull, MotorTorque, RigChannel, Sinkage, Torque
 from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.repeats import repeat_groups
 from rover_pin.measurements.rig_physics import Check, refuse_impossible, suspicions
@@ -114,7 +114,9 @@ def _checks(data: RigSet) -> Iterator[Check]:
     yield Check(bool(lost), f"{lost} with the soil as declared", todo, "load_N")
     # Side force and moment exist only with a slip angle, so their absence is no finding.
     present = {type(channel) for channel in data.channels}
-    for kind in (kind for kind in RIG_CHANNELS if not kind.is_sideways):
+    # A torque by motor current is a measured torque.
+    present |= {Torque} if MotorTorque in present else set()
+    for kind in (DrawbarPull, Torque, Sinkage):
         what = f"{kind.name} was not measured"
         todo = f"an effect that changes only the {kind.name} cannot be found"
         yield Check(kind not in present, what, todo, kind.column)

@@ -21,19 +21,21 @@ from rover_pin.estimation.parameter import Parameter, declared_in, parameter_of
 from rover_pin.estimation.wording import format_value
 from rover_pin.experiments.soil_priors import MAX_EXIT_RATIO, SD, known_constant, unknown_constant
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.measurements.channel import DrawbarPull, SideForce, Sinkage, Torque, VerticalMoment
+from rover_pin.measurements.channel import DrawbarPull, MotorTorque, SideForce, Sinkage, Torque, VerticalMoment
 from rover_pin.measurements.rig_set import RigSet
 
-TARE_SD, SCALE_SD = 0.1, 0.05
-"""Prior SD of an offset that is not declared, as a fraction of the channel's largest value; and prior SD of a scale
-that is not declared (both assumed). Force cells are accurate to about 1 %, and a torque from a motor's current to about
-10 %."""
+TARE_SD, SCALE_SD, MOTOR_SCALE_SD = 0.1, 0.05, 0.15
+"""Prior SD of an offset that is not declared, as a fraction of the channel's largest value; prior SD of a scale that is
+not declared; and this SD for the scale of a torque by motor current (all assumed). Force cells are accurate to about 1
+%. Torque constants are stated to 10 %, and the efficiency of a gear varies by as much with load and temperature; in one
+public set the two torques of a run differ by a quarter."""
 OFFSET_AND_SCALE = {
     DrawbarPull: ("pull_tare", "force_scale"),
     Torque: ("torque_tare", "torque_scale"),
     Sinkage: ("sinkage_zero", "sinkage_scale"),
     SideForce: ("side_tare", "side_scale"),
     VerticalMoment: ("moment_tare", "moment_scale"),
+    MotorTorque: ("motor_torque_tare", "motor_torque_scale"),
 }
 """Channel -> names of its offset and of its scale in `RigErrors`."""
 PRESSING = "rig.pressing_scale"
@@ -70,7 +72,7 @@ class SetNumbers:
         rig, soil = self.data, self.model.soil
         kinds = {type(channel) for channel in rig.channels}
         assumed = []
-        if kinds & {DrawbarPull, Torque}:
+        if kinds & {DrawbarPull, Torque, MotorTorque}:
             assumed += [unknown_constant("soil", soil, "k"), unknown_constant("soil", soil, "phi")]
         if Sinkage in kinds:
             assumed.append(unknown_constant("soil", soil, "k_1"))
@@ -91,13 +93,15 @@ class SetNumbers:
 
         The pressing scale is the stiffness of the soil under a pressed wheel divided by its stiffness under a rolling
         wheel. It is free if there are pressing trials. A pressing trial presses the wheel into the sand without
-        rolling.
+        rolling. Offset and scale of a torque by motor current are always uncertain, so both are free if the torque was
+        measured in this way.
         """
         rig = self.data
         if self.data.trials and PRESSING not in rig.error_sd:
             yield self._parameter(PRESSING, PRESSING_SD, log=True)
-        for name, sd in rig.error_sd.items():
-            parameter = self._parameter(name, sd, declared="declared in rig.toml")
+        for name, sd in (rig.error_sd | self._motor_errors()).items():
+            declared = "declared in rig.toml" if name in rig.error_sd else ""
+            parameter = self._parameter(name, sd, declared=declared)
             low, high = rig.wheel_range.get(own_name(name), (parameter.low, parameter.high))
             yield replace(parameter, low=low, high=high)
 
@@ -105,12 +109,22 @@ class SetNumbers:
         """Return the errors of the rig's readings that rig.toml does not declare: offset and scale of each channel, and
         load scale.
         """
-        # The size of an offset is judged by the largest value of the channel.
+        # The size of an offset is judged by the largest value of the channel. Errors of a torque by motor current are
+        # parameters of every fit (`of_rig`).
         sds = {"rig.load_scale": SCALE_SD}
-        for channel in self.data.channels:
+        for channel in (channel for channel in self.data.channels if not isinstance(channel, MotorTorque)):
             offset, scale = OFFSET_AND_SCALE[type(channel)]
             sds |= {f"rig.{offset}": TARE_SD * float(np.nanmax(np.abs(channel.measured))), f"rig.{scale}": SCALE_SD}
         return [self._parameter(name, sd) for name, sd in sds.items() if name not in self.data.error_sd]
+
+    def _motor_errors(self) -> dict[str, float]:
+        """Return the prior SD of offset and scale of a torque by motor current, unless rig.toml declares them; empty
+        without this torque.
+        """
+        offset, scale = OFFSET_AND_SCALE[MotorTorque]
+        largest = [np.nanmax(np.abs(of.measured)) for of in self.data.channels if isinstance(of, MotorTorque)]
+        sds = {f"rig.{offset}": TARE_SD * float(largest[0]), f"rig.{scale}": MOTOR_SCALE_SD} if largest else {}
+        return {name: sd for name, sd in sds.items() if name not in self.data.error_sd}
 
     def _of_soil(self, name: str, min_sd: float = 0.0) -> Parameter:
         """Return a soil constant as a parameter with the prior SD that is assumed for constants that are not declared.

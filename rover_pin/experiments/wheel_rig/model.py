@@ -68,6 +68,8 @@ class Steady(NamedTuple):
     "force along the axle, positive if it resists the sideways motion at a positive slip angle [N]"
     moment: np.ndarray
     "moment about the vertical through the wheel's centre, positive if it turns the wheel to its left [N m]"
+    motor_torque: np.ndarray
+    "torque at the axle as computed from the current of the motor [N m]"
 
 
 @brief
@@ -211,7 +213,7 @@ class RigModel:
 def uncarried_runs(values: np.ndarray, load: np.ndarray, slip: np.ndarray) -> str:
     """Return a clause on the runs without a prediction; an empty text if every run has a prediction.
 
-    A run has no prediction if no sinkage down to the axle carries its load. `values` (5, runs) holds the predicted
+    A run has no prediction if no sinkage down to the axle carries its load. `values` (6, runs) holds the predicted
     channels, which are NaN in such a run. The clause states the load [N] and the slip [-] of the first such run.
     """
     # The first such run is named and the others are counted.
@@ -251,9 +253,9 @@ class RigPrediction(NamedTuple):
     """
 
     values: np.ndarray
-    "channels (5, runs) in SI, in the order of `Steady`"
+    "channels (6, runs) in SI, in the order of `Steady`"
     jacobian: np.ndarray
-    "derivatives of the channels by the free parameters (5, runs, free)"
+    "derivatives of the channels by the free parameters (6, runs, free)"
     error: np.ndarray
     """natural logarithm of (carried load / given load) (runs,); 0 if the sinkage is exact"""
 

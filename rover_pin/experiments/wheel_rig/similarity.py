@@ -13,7 +13,7 @@ import numpy as np
 from rover_pin.base.public import brief
 from rover_pin.estimation.baselines import missed_by_process
 from rover_pin.experiments.wheel_rig.model import conditions
-from rover_pin.measurements.channel import RigChannel, Sinkage, Torque, VerticalMoment
+from rover_pin.measurements.channel import MotorTorque, RigChannel, Sinkage, Torque, VerticalMoment
 from rover_pin.measurements.rig_set import SAME_LOAD, RigSet
 from rover_pin.soil.slip import slip_ratios
 
@@ -106,7 +106,7 @@ def as_number(data: RigSet, channel: RigChannel) -> tuple[str, np.ndarray]:
     r, load = float(data.wheel.r), data.load
     if isinstance(channel, Sinkage):
         return DEPTH, np.full(load.size, r)
-    if isinstance(channel, (Torque, VerticalMoment)):
+    if isinstance(channel, (Torque, MotorTorque, VerticalMoment)):
         return f"{channel.name} / (r W)", r * load
     return f"{channel.name} / W", load
 

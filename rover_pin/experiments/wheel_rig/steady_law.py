@@ -33,7 +33,7 @@ CONDITIONS = 5
 """Number of inputs of a steady run: load [N], slip [-], speed along the heading, rim speed, speed along the axle
 [m/s]."""
 
-VALUES = 5
+VALUES = 6
 """Number of predicted channels of each run."""
 
 FIELDS: tuple[str, ...] = (*quantities(Wheel), *quantities(Soil))
@@ -63,7 +63,7 @@ class Balance(NamedTuple):
     h: ca.SX
     "sinkage [m]"
     values: ca.SX
-    """readings of the rig (5,)"""
+    """readings of the rig (6,)"""
     balance: ca.SX
     """F(z) = (ln f_n - ln W, rates of the states) with the normal force f_n and the load W; 0 in a steady run"""
     first: ca.Function
