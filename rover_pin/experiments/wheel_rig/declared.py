@@ -99,7 +99,7 @@ class SetNumbers:
         rig = self.data
         if self.data.trials and PRESSING not in rig.error_sd:
             yield self._parameter(PRESSING, PRESSING_SD, log=True)
-        for name, sd in (rig.error_sd | self._motor_errors()).items():
+        for name, sd in {**rig.error_sd, **self._motor_errors()}.items():
             declared = "declared in rig.toml" if name in rig.error_sd else ""
             parameter = self._parameter(name, sd, declared=declared)
             low, high = rig.wheel_range.get(own_name(name), (parameter.low, parameter.high))
