@@ -15,13 +15,15 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.base.quantity import Quantity, check
 
 P = ParamSpec("P")
+"""Stands for the arguments of a decorated function."""
 R = TypeVar("R")
+"""Stands for the type that a decorated function returns."""
 
 
 def spec(unit: str, source: str, low: float = -math.inf, high: float = math.inf) -> Quantity:
-    """Return the unit, bounds and source of a numeric function argument, for use in the argument's annotation.
+    """Return the description of a numeric function argument, which is written into the argument's annotation.
 
-    `unit` is the SI unit, `source` states where the default comes from, and `low` and `high` are the bounds in that
+    `unit` is the SI unit, `source` states where the default comes from, and `low` and `high` are the bounds in the SI
     unit. A function with the decorator `check_arguments` refuses a number outside the bounds.
     """
     return Quantity(unit, source, low, high, "")

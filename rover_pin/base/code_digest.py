@@ -10,11 +10,11 @@ from rover_pin.version import __version__
 
 
 def key_of_code(others: Iterable[Path] = ()) -> str:
-    """Return a digest of 32 hexadecimal digits that changes whenever code changes on which a result depends.
+    """Return a digest of the code that computes a result, as 32 hexadecimal digits.
 
-    The digest covers the package's version, its Python and C files, and `others`: files of code outside the package,
-    such as a user's effects. If a saved result has another digest, other code computed it, and it must be computed
-    again.
+    The digest covers the package's version, its Python and C files, and `others`, which are files of code outside the
+    package, such as a user's effects. A saved result is stored with its digest. If the present digest differs, other
+    code computed the saved result, and the result must be computed again.
 
     Examples
     --------

@@ -14,9 +14,11 @@ logging.getLogger("rover_pin").addHandler(logging.NullHandler())
 
 MAX_MESSAGE, MESSAGE_TAIL = 1200, 250
 """Maximum number of characters of an error message (MAX_MESSAGE), and number of characters that are kept at the end of
-a longer message (MESSAGE_TAIL). A longer message loses its middle part, because its end states the remedy."""
+a longer message (MESSAGE_TAIL). A longer message loses its middle part, because its end states the remedy. A message of
+1200 characters fills about ten lines of a wide terminal, and a remedy usually fits into 250 characters."""
 NO_ROOM = "failed to map segment"
-"""Part of the operating system's error text when a library cannot be loaded for lack of memory."""
+"""Part of the operating system's error text if a library cannot be loaded for lack of memory. An ImportError with this
+text is reported as a lack of memory; every other ImportError is a fault of the program."""
 
 
 class RoverPinError(Exception):
@@ -146,18 +148,17 @@ BEKKER = (
     "it is a constant of Bekker's equation. Eq (4) uses k_1 = k_c b^(n-1) and k_2 = k_phi b^(n-1) instead, where b is "
     "the wheel's width in metres. The table [soil] in the TOML file of a rover or a rig takes k_c, k_phi and n."
 )
-"""Last sentences of the error about k_c or k_phi if one of these names is given instead of k_1 or k_2, the symbols of
-Eq (4) of the paper, the pressure against the sinkage."""
+"""The explanation that an error gives if a user wrote k_c or k_phi where the package expects k_1 or k_2. Eq (4) of the
+paper is the pressure under a wheel as a function of the sinkage."""
 MAX_LISTED_NAMES = 20
 """Maximum number of known names that an error about an unknown name lists in full. If more names are known, the error
-lists only the similar ones."""
+lists at most eight names, the similar ones first. Twenty names fill about two lines of a terminal."""
 
 
 def closest(name: Any, names: Iterable[Any]) -> str:
-    """Return the last part of an error about an unknown name: a suggestion, if a known name is similar, and the known
-    names.
+    """Return the end of an error message about an unknown name. It suggests a similar name, and lists the known names.
 
-    `name` is the unknown name and `names` are all known names.
+    `name` is the unknown name, and `names` are all known names. If no known name is similar, the text suggests none.
 
     Examples
     --------
@@ -192,7 +193,7 @@ def closest(name: Any, names: Iterable[Any]) -> str:
 
 
 def one_of(name: str, word: Any, choices: Collection[str]) -> str:
-    """Return `word` unchanged if it is one of the allowed choices.
+    """Check that `word` is one of the allowed choices, and return it unchanged.
 
     Raises ParameterError: `word` is not one of the choices. The message calls the value `name` and lists similar
     choices.

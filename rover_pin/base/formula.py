@@ -64,11 +64,11 @@ def unwrap_angle(angle: Array) -> Array:
 
 
 def north(lat: Array, lon: Array) -> Array:
-    """Return for each row how far north of the first row its position lies [m] (rows,), from latitudes and longitudes
-    [deg].
+    """Return the distance north of the first position [m] (rows,) from latitudes and longitudes [deg].
 
-    The distance is M (lat - lat_0), in the plane that touches the WGS 84 ellipsoid at the first row (latitude lat_0). M
-    is the radius of the meridian, a (1 - e^2) / (1 - e^2 sin^2 lat_0)^1.5, with a and e of the ellipsoid.
+    The distance is M (lat - lat_0), where lat_0 is the latitude of the first row with a position. M is the radius of
+    the meridian there, a (1 - e^2) / (1 - e^2 sin^2 lat_0)^1.5, with a and e of the WGS 84 ellipsoid. The longitudes
+    are not used; `north` takes them so that it is called like `east`.
     """
     first = np.radians(_first(lat))
     radius = EARTH_A * (1 - EARTH_E2) / (1 - EARTH_E2 * np.sin(first) ** 2) ** 1.5
@@ -76,11 +76,10 @@ def north(lat: Array, lon: Array) -> Array:
 
 
 def east(lat: Array, lon: Array) -> Array:
-    """Return for each row how far east of the first row its position lies [m] (rows,), from latitudes and longitudes
-    [deg].
+    """Return the distance east of the first position [m] (rows,) from latitudes and longitudes [deg].
 
-    The distance is N cos(lat_0) (lon - lon_0), where lat_0 and lon_0 belong to the first row. N is the radius a /
-    sqrt(1 - e^2 sin^2 lat_0), with a and e of the WGS 84 ellipsoid.
+    The distance is N cos(lat_0) (lon - lon_0), where lat_0 and lon_0 are the first latitude and longitude. N is the
+    radius a / sqrt(1 - e^2 sin^2 lat_0), with a and e of the WGS 84 ellipsoid.
     """
     first = np.radians(_first(lat))
     radius = EARTH_A / np.sqrt(1 - EARTH_E2 * np.sin(first) ** 2)
@@ -165,10 +164,12 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {
 }  # fmt: skip
 """Name of a function that a formula may call -> the function and its number of arguments."""
 CONSTANTS = {"pi": np.pi}
+"""Name of a constant that a formula may use -> its value."""
 OPERATORS: dict[type, Callable[[Any, Any], Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
     ast.Pow: operator.pow,
 }  # fmt: skip
+"""Node of an operator with two operands in the syntax tree -> the function that calculates it."""
 COLUMN = "col"
 """Name of the pseudo-function `col`. In a formula, `col("any name")` means a column whose name is not an identifier."""
 
@@ -223,7 +224,7 @@ def _parse_formula(text: str, where: str) -> ast.expr:
         return ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise DataError(
-            f"{where}: {text!r} is no formula; write one as in 0.5 * (a + b), raw * 0.01 - 3 or "
+            f"{where}: {text!r} is not a formula; write a formula such as 0.5 * (a + b), raw * 0.01 - 3 or "
             f'{COLUMN}("any name [rpm]") / 9.55.'
         ) from None
 
@@ -278,7 +279,9 @@ def _value(node: ast.expr, columns: Mapping[str, Array], where: str) -> Any:
             raise DataError(f"{where}: there is no function '{name}' in a formula: {closest(name, FUNCTIONS)}")
         function, count = FUNCTIONS[name]
         if len(node.args) != count or node.keywords:
-            raise DataError(f"{where}: {name} takes {count} number{'s' * (count > 1)}, as in {name}({'abcd'[:count]}).")
+            raise DataError(
+                f"{where}: {name} takes {count} argument{'s' * (count > 1)}, as in {name}({', '.join('abcd'[:count])})."
+            )
         length = len(next(iter(columns.values())))
         # Each argument gets one value for each row, so that a function may be given plain numbers too.
         arguments = [np.asarray(_value(argument, columns, where), dtype=float) for argument in node.args]

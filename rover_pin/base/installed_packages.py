@@ -1,11 +1,11 @@
 """Effects, soils and experiments that other installed packages offer through entry points.
 
 A package offers a class by a line of its `pyproject.toml`, for example under `[project.entry-points."rover_pin.soils"]`
-the line `jsc-1a = "my_soils:Jsc1a"`. Whoever installs a package consents to its code, as for every package that Python
-imports, so that no further consent is asked. A package in the working directory is not found (`search_path.py`).
+the line `jsc-1a = "my_soils:Jsc1a"`. A user who installs a package consents to its code, so that no further consent is
+asked. A package in the working directory is not found (`search_path.py`).
 
-The names are read from the metadata of the installed packages, which takes some 30 ms. Therefore nothing in this module
-is called before a name is needed that rover_pin itself does not have, or before a complete list is needed.
+The names are read from the metadata of the installed packages, which takes some 30 ms. Therefore this module is called
+only if rover_pin itself does not have a requested name, or if a complete list of names is needed.
 """
 
 import sys
@@ -59,7 +59,7 @@ class Offer(NamedTuple):
             raise DataError(f"{where}, but its code cannot be imported ({reason}). {remedy}.") from error
         if not (isinstance(kind, type) and issubclass(kind, base) and kind not in base):
             names = " or ".join(one.__name__ for one in base)
-            raise DataError(f"{where}, but this is no class that derives from {names}. {remedy}.")
+            raise DataError(f"{where}, but this is not a class that derives from {names}. {remedy}.")
         return kind
 
 

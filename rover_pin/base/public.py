@@ -6,7 +6,7 @@ The annotations in the signature state the allowed values. If Python has no clas
 
 import functools
 import inspect
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from numbers import Integral, Real
 from os import PathLike
@@ -20,6 +20,8 @@ from rover_pin.base.errors import ParameterError, closest
 
 Thing = TypeVar("Thing", bound=Callable[..., Any])
 SHORT = Repr()
+"""Maker of short texts of values for error messages. A text of more than 60 characters loses its middle part, so that
+the message stays readable."""
 SHORT.maxother = SHORT.maxstring = 60
 
 
@@ -132,6 +134,7 @@ def fits(value: Any, hint: Any) -> bool:
 
 
 NAMES = {float: "a number", int: "a whole number", str: "text", bool: "True or False", Path: "a path", NoneType: "None"}
+"""Type in an annotation -> the words for it in an error message."""
 
 
 def words(hint: Any) -> str:
@@ -156,9 +159,24 @@ def brief(kind: type[Any]) -> Any:
     A long field is shown by its type and its number of elements. Do not use such a repr to distinguish objects, because
     different objects may have equal reprs.
     """
-    type.__setattr__(kind, "__repr__", _brief)
+
+    def short_repr(self: Any) -> str:
+        text = ""
+        for name, part in _field_texts(self).items():
+            more = f"{', ' if text else ''}{name}={part}"
+            if len(text) + len(more) > MAX_REPR:
+                text += ", ..."
+                break
+            text += more
+        return f"{type(self).__name__}({text})"
+
+    def table(self: Any) -> str:
+        return html_table(type(self).__name__, _field_texts(self))
+
+    type.__setattr__(kind, "__repr__", short_repr)
+    # A class with a table of its own keeps it.
     if not hasattr(kind, "_repr_html_"):
-        type.__setattr__(kind, "_repr_html_", _brief_html)
+        type.__setattr__(kind, "_repr_html_", table)
     return kind
 
 
@@ -174,27 +192,14 @@ def html_table(caption: str, rows: Mapping[str, str]) -> str:
 
 MAX_REPR, MAX_PART = 240, 48
 """Maximum number of letters of a short repr (MAX_REPR), and of a field whose elements are listed (MAX_PART). A longer
-repr ends with "...", and a longer field is shown by its type and its number of elements."""
+repr ends with "...", and a longer field is shown by its type and its number of elements. A repr of 240 letters fills
+about three lines of a terminal, with about five fields of 48 letters."""
 
 
-def _shown_names(thing: Any) -> Sequence[str]:
-    """Return the names of the fields of a dataclass or NamedTuple that its repr shows."""
-    return [field.name for field in fields(thing) if field.repr] if is_dataclass(thing) else thing._fields
-
-
-def _brief_html(self: Any) -> str:
-    return html_table(type(self).__name__, {name: _part(getattr(self, name)) for name in _shown_names(self)})
-
-
-def _brief(self: Any) -> str:
-    text = ""
-    for name in _shown_names(self):
-        more = f"{', ' if text else ''}{name}={_part(getattr(self, name))}"
-        if len(text) + len(more) > MAX_REPR:
-            text += ", ..."
-            break
-        text += more
-    return f"{type(self).__name__}({text})"
+def _field_texts(thing: Any) -> dict[str, str]:
+    """Return field name -> short text of the value, for the fields of a dataclass or NamedTuple that its repr shows."""
+    names = [field.name for field in fields(thing) if field.repr] if is_dataclass(thing) else thing._fields
+    return {name: _part(getattr(thing, name)) for name in names}
 
 
 def _part(value: Any) -> str:

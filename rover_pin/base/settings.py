@@ -38,14 +38,14 @@ class Setting(NamedTuple):
 def numbers_of(record: Record) -> tuple[Setting, ...]:
     """Return a setting for each quantity of a record. The value of the setting is the value in the record.
 
-    If the value differs from the default of the record's class, the source of the setting also states this default.
+    If the value differs from the default of the record's class, the setting's source also states this default.
     """
     default_record = type(record)()
     settings = []
     for name, spec in quantities(record).items():
         value, default = getattr(record, name), getattr(default_record, name)
         is_default = is_symbolic(value) or value == default
-        source = spec.source if is_default else f"as given or read; usual {default:.6g}: {spec.source}"
+        source = spec.source if is_default else f"given or read from a file; default {default:.6g}: {spec.source}"
         settings.append(Setting.of(name, value, spec._replace(source=source)))
     return tuple(settings)
 
@@ -69,7 +69,7 @@ class Settings:
 
     def take(self, name: str, default: Any, choices: Collection[str] = (), source: str = "") -> Any:
         """Return the user's value of a setting, or the default if the user did not give the setting."""
-        # The choices are kept as they are, because to list them may take time, as for soils of other packages.
+        # The choices are not listed here, because listing them may take time: soils of other packages are looked up.
         return self._take_value(Setting(name, default, source=source, choices=choices))
 
     def number(self, name: str, default: float, spec: Quantity) -> float:
@@ -98,7 +98,8 @@ class Settings:
     def word(self, name: str, default: str, choices: Collection[str], source: str) -> str:
         """Return the word that the user gave for a setting; an empty text if the user did not give the setting.
 
-        `default` is the word whose effect equals that without the setting; it only appears in the list of settings.
+        `default` is the word that has the same effect as leaving the setting out. It appears in the list of settings,
+        but it is never returned unless the user gave it.
 
         Raises ParameterError: the word is not one of `choices`.
         """
@@ -133,7 +134,7 @@ class Settings:
         function : callable
             The function whose arguments can be set.
         overrides : mapping of str to Any
-            Defaults that the list of settings shows instead of the defaults of the function.
+            Argument name -> the default that the list of settings shows instead of the function's own default.
         names : iterable of str
             If given, only the arguments with these names can be set.
 
@@ -195,7 +196,7 @@ class Settings:
         return values
 
     def _in_force(self, name: str, value: Any) -> None:
-        """Store the user's value of a setting, in SI, in the list of known settings (`known`)."""
+        """Enter the user's value of a setting, in SI, into the list of known settings (`known`)."""
         self.known[name] = self.known[name]._replace(value=value)
 
     def _take_value(self, setting: Setting) -> Any:
@@ -212,7 +213,8 @@ SWITCHES = {"true": True, "1": True, "false": False, "0": False}
 def _read(setting: Setting, value: Any) -> Any:
     """Return a user's value of a setting, converted to the type of the setting's default.
 
-    The type is a text, True or False, one number in SI, or several numbers in SI, which are given as `50mm,100mm`.
+    The default is a text, True or False, a number, or several numbers. Numbers are returned in SI, and several numbers
+    are written as `50mm,100mm`.
 
     Raises ParameterError: the value cannot be converted.
     """
@@ -227,7 +229,10 @@ def _read(setting: Setting, value: Any) -> Any:
         return parse_quantity(value, setting.unit, setting.name)
     several = value.split(",") if isinstance(value, str) else value
     if not isinstance(several, (list, tuple)) or len(several) != len(setting.value):
-        raise ParameterError(f"{setting.name} = {value!r} must be {len(setting.value)} numbers, as in 0.05,0.1.")
+        raise ParameterError(
+            f"{setting.name} = {value!r} must be {len(setting.value)} numbers with commas between them, such as "
+            "0.05,0.1."
+        )
     return tuple(parse_quantity(part, setting.unit, setting.name) for part in several)
 
 

@@ -47,8 +47,8 @@ class Trust:
     def refuse_code(self, file: Path, where: str) -> None:
         """Check that the user has consented to run a file of code. `where` is the beginning of the error message.
 
-        Raises DataError: the file is neither one of `effects` nor in one of these folders. The message states how to
-        allow the file.
+        Raises DataError: `effects` names neither the file nor its folder, and `everything` is False. The message states
+        how to allow the file.
         """
         real = _real(file, where)
         if self.everything or any(_covers(effect_path.resolve(), real) for effect_path in self.effects):
@@ -78,10 +78,10 @@ class Trust:
         return path
 
     def refuse_elsewhere(self, table: object, file: Path) -> None:
-        """Check that no text in a table, at any depth, is the path of a file outside the folder of `file`, which holds
-        the table.
+        """Check that a table of a file refers to no file in another folder.
 
-        Files in the working directory are also allowed, because relative paths refer to this directory.
+        `file` is the file that holds the table, at any depth of which a text may be a path. A path may lead into the
+        folder of `file`. It may also lead into the working directory, because relative paths begin there.
 
         Raises DataError: a path leads to another folder, by '..', as an absolute path, or through a link.
         """
@@ -125,7 +125,7 @@ def code_files(path: Path) -> list[Path]:
 def _covers(allowed: Path, real: Path) -> bool:
     """Return whether the consent to the path `allowed` includes the file `real`.
 
-    It does if `allowed` is this file, or is the folder that directly contains it.
+    The consent includes a file if `allowed` is the file itself, or is the folder that directly contains the file.
     """
     return real == allowed or (allowed.is_dir() and real.parent == allowed)
 

@@ -3,8 +3,9 @@
 Within the package, all numbers are in SI units.
 
 A unit is a product of symbols with whole powers, divided by other products: `N m`, `N·m`, `N.m`, `N*m`, `Nm`, `m/s2`,
-`m s^-2`, `rad/(N m)`. Some texts have several readings: `Nms` is N m s or newton milliseconds, a pound is a force or a
-mass. The kind of quantity that is needed then decides. Capital letters count, unless the text has no reading with them.
+`m s^-2`, `rad/(N m)`. A text can have several meanings: `Nms` can be N m s or newton milliseconds, and `lb` can be a
+force or a mass. The caller states the kind of quantity, and the meaning of this kind is taken. Small and capital
+letters are distinguished first; only if the text then has no meaning, the distinction is dropped.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ BASE = ("m", "kg", "s", "A", "K", "rad")
 """The base units: five base units of SI, and the radian. The radian distinguishes a torque [N m] from a torsional
 stiffness [N m/rad]."""
 PREFIXES = {"n": "1e-9", "u": "1e-6", "m": "1e-3", "c": "1e-2", "k": "1e3", "M": "1e6"}
+"""SI prefix -> its factor, as text, so that the factor becomes an exact fraction."""
 METRIC = {"m": "", "s": "", "A": "", "K": "", "rad": "", "N": "kg m/s^2", "J": "N m", "W": "N m/s", "Pa": "N/m^2",
           "V": "W/A", "ohm": "V/A", "Hz": "1/s"}  # fmt: skip
 """Symbol of a unit that takes a prefix -> the product of base units that equals it; empty for a base unit."""
@@ -46,12 +48,15 @@ USUAL = {
 }  # fmt: skip
 """SI unit of a kind of quantity -> other units that are common for this kind; errors and tables list them."""
 MAX_UNIT_LETTERS = 24
-"""Maximum number of letters of a unit. A longer text does not count as a unit, because trying all its readings would
-take long."""
+"""Maximum number of letters of a unit. A longer text does not count as a unit, because trying all its meanings would
+take long. The units in `USUAL` have at most seven letters."""
 SPELLINGS = str.maketrans(
     {"°": "deg", "º": "deg", "Ω": "ohm", "μ": "u", "µ": "u", "−": "-", "·": " ", "⋅": " ", "*": " "}
 )
+"""Character of a unit -> the plain letters that replace it before the unit is read."""
 POWER = re.compile(r"(?:\^?\(?([+-]?\d)\)?)?[ .-]*(.*)")
+"""Pattern of the text after a symbol: a power such as `2`, `^-1` or `^(2)`, which may be missing, and the following
+text."""
 
 
 class Unit(NamedTuple):
@@ -70,6 +75,7 @@ class Unit(NamedTuple):
 
 
 NONE = Unit(Fraction(1), (0,) * len(BASE))
+"""The unit of a number without a unit."""
 
 
 @cache
@@ -88,7 +94,7 @@ def _symbols(folded: bool) -> dict[str, tuple[Unit, ...]]:
         add(name, 1.0, Unit(Fraction(1), tuple(int(base == name) for base in BASE)))
     # The products in METRIC and OTHERS are written with the right capital letters, so they are read without folding.
     exact = symbols if not folded else _symbols(False)
-    # Prefixed symbols first, since the words in OTHERS are made of them: a psi is lbf/in^2.
+    # The symbols of METRIC are entered first, because the units in OTHERS are made of them: a bar is 1e5 Pa.
     for name, of in METRIC.items():
         unit = _over(of, exact)[0] if of else exact[name][0]
         for prefix, size in {"": "1", **PREFIXES}.items() if of else PREFIXES.items():
@@ -163,7 +169,7 @@ def factor_to(unit: str, expected: str) -> float:
     """
     if unit == expected:
         return 1.0
-    # Of several readings, those that measure the expected kind of quantity count; capital letters count first.
+    # Only meanings that measure the expected kind of quantity count. Small and capital letters are distinguished first.
     kinds = {reading.powers for reading in readings(expected)}
     for folded in (False, True):
         factors = {reading.size for reading in readings(unit, folded) if reading.powers in kinds}
@@ -173,6 +179,7 @@ def factor_to(unit: str, expected: str) -> float:
 
 
 HEADER = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*")
+"""Pattern of a column's header that ends with a unit in square or round brackets."""
 
 
 def name_and_unit(header: str) -> tuple[str, str]:
@@ -194,4 +201,5 @@ def name_and_unit(header: str) -> tuple[str, str]:
 
 
 UNITS = {name: (si, factor_to(name, si)) for si, names in USUAL.items() for name in (si, *names) if name}
-"""Name of a unit, as the package prints it -> the SI unit of this kind of quantity, and the factor to the SI unit."""
+"""Name of a unit, as the package prints it -> the SI unit of the same kind of quantity, and the factor that converts a
+number to this SI unit."""

@@ -16,7 +16,8 @@ from rover_pin.base.jobs.workers import Terminated
 from rover_pin.base.public import fits, words
 
 MAX_QUOTED = 80
-"""Maximum number of letters of a value that an error quotes. A longer value is cut at this length."""
+"""Maximum number of letters of a value that an error quotes, which is one line of a terminal. A longer value is cut at
+this length."""
 
 
 def mistake(error: BaseException, file: str, otherwise: int = 0) -> DataError:
@@ -32,7 +33,7 @@ def mistake(error: BaseException, file: str, otherwise: int = 0) -> DataError:
     line = lines[-1] if lines else otherwise
     place = f"{file}, line {line}" if line else file
     reason = f": {error}".rstrip(": .") if str(error) else ""
-    # Readers know an unknown attribute as AttributeError, also if this program words the error.
+    # Python programmers know this mistake as AttributeError, so this name is printed also for UnknownAttributeError.
     kind = AttributeError if isinstance(error, AttributeError) else type(error)
     return DataError(f"{place}: the code there ends with {kind.__name__}{reason}; correct it.")
 
@@ -40,8 +41,8 @@ def mistake(error: BaseException, file: str, otherwise: int = 0) -> DataError:
 def is_stop(error: BaseException) -> bool:
     """Return whether an exception must be passed on unchanged, because it is no mistake in the user's code.
 
-    This holds for an error of this package, Ctrl-C and SIGTERM. An unknown attribute is a mistake in the user's code,
-    although this package words its error, so the result is False.
+    The result is True for an error of this package, Ctrl-C and SIGTERM. It is False for an UnknownAttributeError,
+    because an unknown attribute is a mistake in the user's code, although this package raises the error.
     """
     if isinstance(error, UnknownAttributeError):
         return False

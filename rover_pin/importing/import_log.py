@@ -22,7 +22,7 @@ from rover_pin.base.files.paths import data_path, exists, is_file, named_from
 from rover_pin.base.files.table import columns_text
 from rover_pin.base.files.toml_file import toml_key, toml_value
 from rover_pin.base.files.whole_file import replace_file
-from rover_pin.base.jobs.time_left import telling
+from rover_pin.base.jobs.time_left import showing_progress
 from rover_pin.importing.clock import clock_words, restarts, times, whole_stamps, wrapped_clock
 from rover_pin.importing.column_matching import Matching, Source, match_columns
 from rover_pin.importing.files.raw import read_raw
@@ -159,7 +159,7 @@ def import_log(
                 f"another --column uses this name: {closest(name, there)}"
             )
     clock = declared.get("t_s", {}).get("formula", "")
-    read = telling((_read(path, clock) for path in paths), len(paths), "recordings read")
+    read = showing_progress((_read(path, clock) for path in paths), len(paths), "recordings read")
     # A recording that repeats all rows of another one is left out, with a note. If it were counted twice, its noise
     # would look like a reproducible effect.
     sources: list[Source] = []
@@ -291,7 +291,7 @@ def _write_log(
         (base.length / math.sqrt(12.0), base.track / math.sqrt(12.0)),
     )
     csv_files = (replace_file(folder / f"{run.name}.csv", columns_text(dict(run.columns))) for run in runs)
-    files = list(telling(csv_files, len(runs), "runs written"))
+    files = list(showing_progress(csv_files, len(runs), "runs written"))
     files.append(replace_file(folder / FILE, drive_toml(sheet)))
     purposes = tuple(f"{run.name}: {run.purpose}" for run in runs)
     return ImportResult(tuple(files), tuple(guess_lines(mapping.guesses)), purposes, mapping.lacks, notes)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rover_pin.base.errors import OptimisationError
-from rover_pin.base.jobs.time_left import telling
+from rover_pin.base.jobs.time_left import showing_progress
 from rover_pin.estimation.profile import CLEAR_SDS
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.cause import SIZE_SD, Cause
@@ -83,10 +83,12 @@ class Explorer:
         self.causes = visible
         self.progress("fitting each cause alone")
         singles = [
-            cause for cause in telling(self.causes, len(self.causes), "fitting each cause alone") if self.fit((cause,))
+            cause
+            for cause in showing_progress(self.causes, len(self.causes), "fitting each cause alone")
+            if self.fit((cause,))
         ]
         # Discrepancies are fitted only after all causes, because only then the best cause alone is known.
-        for cause in telling(singles, len(singles), "fitting the discrepancy of each cause"):
+        for cause in showing_progress(singles, len(singles), "fitting the discrepancy of each cause"):
             self._fit_discrepancy(self.fitted[names_of((cause,))][0])
         # A cause that is poor alone can be part of the best pair. So causes that lead by least squares are paired as
         # well, because only the prior of their size may lower their evidence. The best causes are paired with all
@@ -99,7 +101,7 @@ class Explorer:
         with_each = ((lead, partner) for lead in first for partner in singles if partner is not lead)
         pairs |= {names_of(pair): pair for pair in with_each}
         self.progress("fitting pairs of causes")
-        for pair in telling(pairs.values(), len(pairs), "fitting pairs of causes"):
+        for pair in showing_progress(pairs.values(), len(pairs), "fitting pairs of causes"):
             self.fit(pair)
         # The best pairs are extended by causes that lead alone or in other good pairs.
         fitted_pairs = [pair for pair in pairs.values() if names_of(pair) in self.fitted]
@@ -112,7 +114,7 @@ class Explorer:
                 break
             others = [partner for partner in partners if partner not in pair]
             what = f"fitting three causes at once, pair {place} of {min(len(best_pairs), LEADING_PAIRS)}"
-            for partner in telling(others, len(others), what):
+            for partner in showing_progress(others, len(others), what):
                 self.fit((*pair, partner))
         return self.beliefs()
 

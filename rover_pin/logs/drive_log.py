@@ -50,7 +50,7 @@ from rover_pin.base.files.paths import exists, is_file, is_folder
 from rover_pin.base.files.table import Columns, columns_text, read_columns
 from rover_pin.base.files.toml_file import read_toml, toml_text
 from rover_pin.base.files.whole_file import replace_file
-from rover_pin.base.jobs.time_left import telling
+from rover_pin.base.jobs.time_left import showing_progress
 from rover_pin.base.public import brief
 from rover_pin.base.quantity import as_float, refuse_strange, to_si, value_and_unit
 from rover_pin.base.trust import Trust
@@ -267,7 +267,7 @@ def read_drive_log(folder: str | Path, trust: Trust = Trust()) -> DriveLog:
             raise DataError(f"{file}: run {at} names the file {name!r}, as run {first} does: leave one of them out.")
     # Runs are read lazily, so that the time left can be reported.
     runs = (_run(file, metadata, at, entry, trust) for at, entry in enumerate(entries, 1))
-    return DriveLog(folder, metadata, tuple(telling(runs, len(entries), "runs read")), trust)
+    return DriveLog(folder, metadata, tuple(showing_progress(runs, len(entries), "runs read")), trust)
 
 
 def write_drive_log(folder: str | Path, traces: Mapping[str, Trace], metadata: LogMetadata) -> Path:

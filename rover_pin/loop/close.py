@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.paths import closest_samples, data_path, is_file, is_folder
-from rover_pin.base.files.results_folder import OF_A_LOOP, alone_in, say_what_is_replaced
+from rover_pin.base.files.results_folder import LOOP_RESULTS, alone_in, say_what_is_replaced
 from rover_pin.base.jobs.cluster import Workers, refuse_both, workers_of
 from rover_pin.base.jobs.workers import ending_workers
 from rover_pin.base.public import public
@@ -137,7 +137,7 @@ def close(data: LoopData, request: LoopRequest, progress: Progress = quiet) -> V
     """
     start = time.monotonic()
     # All checks of the data have passed, so the user may now read that old results will be replaced.
-    say_what_is_replaced(request.out, OF_A_LOOP)
+    say_what_is_replaced(request.out, LOOP_RESULTS)
     with data.resuming(progress):
         verdict = verdict_on(data, known_effects(request.effects), progress, request.seed)
         verdict.provenance.update(provenance(request, time.monotonic() - start))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.base.errors import DataError
-from rover_pin.base.jobs.time_left import telling
+from rover_pin.base.jobs.time_left import showing_progress
 from rover_pin.base.quantity import declared_sds, record_from
 from rover_pin.contact import Soil
 from rover_pin.effects.slip import RelaxedSlip
@@ -140,7 +140,7 @@ def drive_points(
     # The shortest windows whose slips are precise enough keep the most classes.
     for length in sampling.lengths:
         cut = (steady_windows(trace, rover, motor, length, sampling.steady) for trace in log.runs)
-        runs = list(telling(cut, len(log.runs), f"runs cut into windows of {length:g} s"))
+        runs = list(showing_progress(cut, len(log.runs), f"runs cut into windows of {length:g} s"))
         scatter = rms([window.slip_sd for windows in runs for window in windows])
         if scatter < 0.5 / sampling.levels:
             break

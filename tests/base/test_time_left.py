@@ -5,7 +5,7 @@ import logging
 import sys
 
 from rover_pin.base.jobs import time_left
-from rover_pin.base.jobs.time_left import telling
+from rover_pin.base.jobs.time_left import showing_progress
 from tests.inference import linear_causes as toys
 
 
@@ -17,10 +17,10 @@ class Terminal(io.StringIO):
 def test_a_terminal_shows_a_bar_of_long_work_and_nothing_of_short(monkeypatch):
     monkeypatch.setattr(sys, "stderr", Terminal())
     logging.getLogger("rover_pin").setLevel(logging.INFO)
-    assert list(telling(range(4), 4, "fitting pairs of causes")) == [0, 1, 2, 3]
+    assert list(showing_progress(range(4), 4, "fitting pairs of causes")) == [0, 1, 2, 3]
     assert sys.stderr.getvalue() == ""
     monkeypatch.setattr(time_left, "SECONDS_BEFORE_BAR", 0.0)
-    assert list(telling(range(4), 4, "fitting pairs of causes")) == [0, 1, 2, 3]
+    assert list(showing_progress(range(4), 4, "fitting pairs of causes")) == [0, 1, 2, 3]
     assert "fitting pairs of causes" in sys.stderr.getvalue()
     assert "4/4" in sys.stderr.getvalue()
 
@@ -29,7 +29,7 @@ def test_a_loop_that_ends_early_leaves_no_bar_behind(monkeypatch):
     monkeypatch.setattr(sys, "stderr", Terminal())
     logging.getLogger("rover_pin").setLevel(logging.INFO)
     monkeypatch.setattr(time_left, "SECONDS_BEFORE_BAR", 0.0)
-    for row in telling(range(9), 9, "runs"):
+    for row in showing_progress(range(9), 9, "runs"):
         if row == 3:
             break
     count = len(sys.stderr.getvalue())

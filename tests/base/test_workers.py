@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 import rover_pin
 from rover_pin.base.errors import MissingExtraError, ParameterError, SimulationError
-from rover_pin.base.jobs.cluster import MAX_JOBS_AT_ONCE, handed_at_once, results, workers_of
+from rover_pin.base.jobs.cluster import MAX_JOBS_AT_ONCE, batch_size, results, workers_of
 from rover_pin.cli.app import app
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_runs
@@ -170,7 +170,7 @@ def killing(folder, pid, at=20):
 @given(jobs=st.integers(1, 5000), workers=st.integers(1, 64))
 def test_short_jobs_are_batched_without_idle_processes(jobs, workers):
     """All of them in one go at most half of what a process has to do, where there is more than a job each."""
-    at_once = handed_at_once(jobs, workers)
+    at_once = batch_size(jobs, workers)
     assert 1 <= at_once <= MAX_JOBS_AT_ONCE
     assert at_once == 1 or 2 * at_once * workers <= jobs
 

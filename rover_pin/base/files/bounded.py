@@ -19,7 +19,8 @@ import numpy as np
 MIB = 1 << 20
 """Number of bytes in one mebibyte."""
 MAX_TEXT_BYTES = 16 * MIB
-"""Maximum size of a TOML, URDF or similar text file [bytes]. A larger file is refused."""
+"""Maximum size of a TOML, URDF or similar text file [bytes]. A larger file is refused. Files that people or programs
+write for a rover have at most some hundred kB."""
 MAX_TABLE_BYTES = 256 * MIB
 """Maximum size of a table in a text file [bytes], about ten million numbers. A larger text file is refused; such a
 table must be given as Parquet."""
@@ -51,7 +52,7 @@ def content(path: str | Path, max_bytes: int = MAX_UNPACKED_BYTES, head: int | N
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         if not stat.S_ISREG(status.st_mode):
             raise OSError(errno.EINVAL, "it is a device or a pipe, not a file")
-        # One byte more than allowed is read, so that a file that has grown since is noticed below.
+        # One byte more than allowed is read, so that the check below notices a file that is still growing.
         raw = file.read(max_bytes + 1 if head is None else head) if status.st_size <= max_bytes else b""
     # The file may have grown after the system stated its size, so the bytes that were read are counted as well.
     if max(status.st_size, len(raw)) > max_bytes:

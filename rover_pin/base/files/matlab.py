@@ -20,19 +20,20 @@ from rover_pin.base.errors import DataError
 from rover_pin.base.files.bounded import BYTES_PER_NUMBER, MAX_NUMBERS_BYTES, MIB, Allowance, content
 
 HEADER, MATRIX, COMPRESSED = 128, 14, 15
-"""Number of bytes before the first data element of a version 5 file; type numbers of a matrix and of a compressed
-matrix."""
+"""Number of bytes before the first data element of a version 5 file (HEADER), and the type numbers of a matrix (MATRIX)
+and of a compressed matrix (COMPRESSED). All three are fixed by the format."""
 ELEMENT_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 """Type number of a data element in a version 5 file -> NumPy type of its numbers, without the byte order."""
 STRUCT, NUMBERS, COMPLEX = 2, range(6, 16), 0x800
-"""Class number of a struct, class numbers of arrays of numbers, and the flag of complex numbers, which are not read."""
+"""Class number of a struct (STRUCT), class numbers of the arrays of numbers (NUMBERS), and the flag that marks an array
+as complex (COMPLEX). Complex arrays are not read."""
 OPAQUE = 17
 """Class number of a MATLAB object, such as a datetime, duration, string, table, timetable or timeseries."""
 OTHER_CLASSES = {1: "cell array", 3: "object", 4: "text", 5: "sparse matrix", 16: "function"}
 """Class number of a MATLAB variable that holds no plain numbers -> the name of its class."""
 TYPES_4 = ("f8", "f4", "i4", "i2", "u2", "u1")
-"""NumPy types of numbers in a version 4 file. The index in this tuple is the digit that the file states for the
-type."""
+"""NumPy types of the numbers in a version 4 file, without the byte order. The header of an array states the type as a
+digit, which is the index in this tuple."""
 ELEMENT = 512
 """Number of bytes that each matrix counts in addition to its numbers. They account for the Python object of the matrix,
 and they limit the number of matrices, because a file of many empty matrices would take a long time to read."""

@@ -10,8 +10,8 @@ from rover_pin.base.extras import install_command
 from rover_pin.base.files.bounded import BYTES_PER_NUMBER, MAX_NUMBERS_BYTES, content, too_large
 
 MAX_CELL = 1000
-"""Maximum number of characters of a text cell. A table with a longer cell is refused, because the text cells of a table
-of measurements hold names, not documents."""
+"""Maximum number of characters of a text cell. A table with a longer cell is refused. The text cells of a table of
+measurements hold names, so a cell of 1000 characters is no measurement and only costs memory."""
 
 
 def need_pyarrow(path: str | Path) -> None:
@@ -82,8 +82,8 @@ def unpack_table(packed: bytes, max_bytes: int = MAX_NUMBERS_BYTES) -> Any:
         raise too_large(max_bytes)
     table, remaining_bytes = file.read(), max_bytes - cells
     for number, field in enumerate(table.schema):
-        # A column of texts is paid for by the length of all its cells before it is expanded. Until then, each chunk
-        # holds its distinct texts once, and an index for each cell.
+        # Before a column of texts is expanded, the total length of its cells is subtracted from the remaining bytes.
+        # Until then, each chunk holds its distinct texts once, and an index for each cell.
         if types.is_dictionary(field.type) and _is_text(field.type):
             for chunk in table.column(number).chunks:
                 lengths = pyarrow.compute.binary_length(chunk.dictionary)

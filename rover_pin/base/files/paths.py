@@ -94,11 +94,12 @@ def data_path(location: str | Path) -> Path:
 
 
 def closest_samples(location: str | Path) -> str:
-    """Return the last sentence of an error about missing data, which lists the samples with names similar to
-    `location`.
+    """Return the last sentence of an error about missing data. It lists the sample data sets with similar names.
 
-    The text is empty if `location` exists, or if it is a path of several parts, because a sample's name has only one
-    part.
+    `location` is the path that the user gave. The text is empty if this path exists, or if it has several parts,
+    because a sample's name has only one part.
     """
     path = Path(location)
-    return f" Of samples {closest(path, sample_names())}" if len(path.parts) == 1 and not exists(path) else ""
+    if len(path.parts) > 1 or exists(path):
+        return ""
+    return f" If you meant the name of a sample: {closest(path, sample_names())}"

@@ -13,7 +13,8 @@ from rover_pin.base.errors import DataError
 from rover_pin.base.files.paths import exists
 
 LOCK = ".rover_pin.lock"
-OF_A_LOOP = ("report.html", "verdict.json", "model.toml", "posterior", "draft_effect")
+"""Name of the lock file in a folder of results."""
+LOOP_RESULTS = ("report.html", "verdict.json", "model.toml", "posterior", "draft_effect")
 """Files and folders, apart from pictures, that `close_the_loop` may write into its folder of results."""
 
 log = logging.getLogger(__name__)
@@ -41,7 +42,7 @@ def alone_in(folder: str | Path | None) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         lock_fd = _lock_file(folder / LOCK)
     except BlockingIOError:
-        # The lock holds the number of its process. The file may be gone by now, or be half written.
+        # The lock file holds the number of the process that locked it. The file may be gone by now, or be half written.
         holder = "another process"
         with suppress(OSError):
             number = (folder / LOCK).read_bytes()[:20]
@@ -69,8 +70,8 @@ def replacing(folder: str | Path, names: Sequence[str], untouched: Sequence[str]
     """Return a message that names the files of an earlier run that a new run will replace; an empty text if there are
     none.
 
-    `names` are the files that the new run writes. `untouched` are files that the new run does not write, and that a
-    user could mistake for results of the new run.
+    `names` are the files that the new run writes. `untouched` are files that the new run does not write; the message
+    names the existing ones, because a user could mistake them for results of the new run.
     """
     replaced, kept = ([name for name in group if exists(Path(folder) / name)] for group in (names, untouched))
     message = f"{folder}: this run replaces these results of an earlier run: "

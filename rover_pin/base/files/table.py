@@ -137,7 +137,8 @@ def read_table(path: Path) -> Table:
         raise DataError(f"{path}: the file cannot be read: {error.strerror or error}.") from error
     if raw.startswith(SPREADSHEETS):
         raise DataError(
-            f"{path}: this is a spreadsheet or an archive: save the sheet as CSV, or unpack it, and give that file."
+            f"{path}: this is a spreadsheet or an archive: save the sheet as CSV, or unpack the archive, and give the "
+            "new file."
         )
     if raw or path.suffix not in (".parquet", ".pq"):
         table = _text_table(path, raw)
@@ -150,7 +151,7 @@ def read_table(path: Path) -> Table:
         columns = {str(name): frame[name].to_numpy() for name in frame}
         table = Table(path, columns, tuple(f"row {row}" for row in range(packed.num_rows)))
     if not table.places:
-        # A table whose every row was omitted reports the first of these rows rather than an empty file.
+        # If every row was omitted, the error names the first omitted row instead of calling the file empty.
         table.refuse_faults()
         raise DataError(
             f"{path}: the file has no rows of data: write one line of column names, then one line for each row."
@@ -164,7 +165,7 @@ def _text_table(path: Path, raw: bytes) -> Table:
     """
     text, encoding = decode(raw)
     lines = text.splitlines()
-    # Both limits hold before any line is taken apart: a cell of two bytes takes about 100 bytes as text in Python.
+    # Both limits are checked before any line is split, because a cell of two bytes takes about 100 bytes in Python.
     widest = max((line.count(delimiter) for line in lines[:SAMPLED_LINES] for delimiter in DELIMITERS), default=0)
     if widest >= MAX_COLUMNS:
         raise DataError(
@@ -228,7 +229,7 @@ def _repeated_headers(lines: list[str], layout: Layout) -> tuple[set[int], list[
 
     header = row_of(layout.header, names=True)
     units = row_of(min(layout.header + 1, len(lines) - 1), names=True)
-    # Only lines that begin as the header can be copies: taking apart every line once more would double the time.
+    # A line without the first name of the header is no copy of it. Splitting every line again would double the time.
     first, notes = header[0], list[str]()
     filled = [index for index in _data_lines(lines, layout) if lines[index].strip(f"{layout.delimiter} ")]
     for place, index in enumerate(filled):
@@ -308,12 +309,11 @@ def _with_unit(name: str, unit: str) -> str:
 
 
 def _column(name: str, column: tuple[str, ...], decimal: str) -> tuple[str, np.ndarray]:
-    """Return the name of a column and its values: an array of numbers if every cell is a number, else an array of
+    """Return the name and the values of a column: an array of numbers if every cell is a number, else an array of
     texts.
 
-    If all cells have one common unit, as in `80 N`, the unit is moved from the cells into the name, as in `load [N]`.
-
-    `column` holds the cells as texts, and `decimal` is the decimal mark of the file.
+    `column` holds the cells as texts, and `decimal` is the decimal mark of the file. If all cells have one common unit,
+    as in `80 N`, the unit is moved from the cells into the returned name, as in `load [N]`.
     """
     # First attempt: NumPy converts plain numbers fast. Cells with an underscore are left to the patterns below, since
     # Python would read 2024_04_23 as the number 20240423.

@@ -12,10 +12,12 @@ from rover_pin.base.units import readings
 DELIMITERS = (";", "\t", "|", ",", " ")
 """Delimiters that are tried on a text file. If two of them fit equally well, the earlier one of this tuple is taken."""
 SAMPLED_LINES = 60
-"""Number of non-empty lines that are read, at the beginning of a file, to recognise the delimiter and the header."""
+"""Number of non-empty lines at the beginning of a file from which the delimiter and the header are recognised. The text
+above the header must be shorter, because otherwise these lines hold no numbers. More lines would take more time."""
 MISSING = {"", "-", "--", "\u2013", "\u2014", "na", "n/a", "#n/a", "nan", "null", "none"}
 """Cells, in small letters, that mark a missing number."""
 UNIT = r"[A-Za-z°%µμΩ][^\s,;]{0,7}(?:\s?m)?"
+"""Pattern of a unit in a cell, after the number: up to eight characters, such as `kN/m^2`, and an `m` as in `N m`."""
 NUMBERS = {
     ".": re.compile(rf"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\s*({UNIT}))?"),
     ",": re.compile(rf"([+-]?(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?)(?:\s*({UNIT}))?"),
@@ -129,7 +131,7 @@ def cells(line: str, delimiter: str) -> list[str]:
     is_percent = line.lstrip()[:1] == "%" and line.lstrip()[1:].lstrip().startswith(delimiter)
     if line.lstrip().startswith(COMMENTS) and not is_percent:
         line = line.lstrip("#% ").lstrip("/ ")
-    # Blanks are counted once however many there are; only quoted cells need the slower csv reader.
+    # Several blanks count as one delimiter. Only a line with quotes needs the csv reader, which is slower.
     if delimiter == " ":
         parts = line.split()
     elif '"' in line:

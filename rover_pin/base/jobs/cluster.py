@@ -12,12 +12,14 @@ from rover_pin.base.jobs.safe_environment import safe_path
 from rover_pin.base.jobs.workers import working_for
 
 CONNECT_SECONDS = 5
-"""Maximum time to connect to a Dask scheduler [s]. After this time, the scheduler counts as absent."""
+"""Maximum time to connect to a Dask scheduler [s]. After this time, the scheduler counts as absent. A connection within
+one network takes milliseconds, and a user with a wrong address should not wait long."""
 START_SECONDS = 30
 """Maximum time to wait for the answer of a Dask scheduler, and then for its first worker [s]. After this time, an error
 is raised. A busy machine may need 10 s to start a worker."""
 MAX_JOBS_AT_ONCE = 8
-"""Maximum number of short jobs that are sent to a process together."""
+"""Maximum number of short jobs that are sent to a process together. More jobs would leave the other processes idle
+while the last processes still work."""
 Workers = Any
 """Type of the workers that run jobs: a number of processes (int; -1 means one for each core), or a client of a Dask
 cluster (distributed.Client)."""
@@ -70,9 +72,9 @@ def results(
         return _on_cluster(function, jobs, workers)
     from joblib import effective_n_jobs
 
-    at_once = handed_at_once(len(jobs), effective_n_jobs(workers)) if short else "auto"
+    batch = batch_size(len(jobs), effective_n_jobs(workers)) if short else "auto"
     # The first value (None) is taken here, so that the processes start now and not when the first result is read.
-    begun = on_processes(function, jobs, workers, return_as="generator", batch_size=at_once)
+    begun = on_processes(function, jobs, workers, return_as="generator", batch_size=batch)
     next(begun)
     return begun
 
@@ -91,20 +93,20 @@ def on_processes(
     from joblib import Parallel, delayed, effective_n_jobs, parallel_config
     from joblib.externals.loky.process_executor import BrokenProcessPool
 
-    # Processes beyond the numbers of jobs and of cores would have nothing to do.
+    # More processes than there are jobs, or than the machine has cores, would have nothing to do.
     count = min(effective_n_jobs(workers), max(len(jobs), effective_n_jobs(-1)))
     with parallel_config(backend="loky", inner_max_num_threads=1):
         parallel = Parallel(n_jobs=count, **options)
     try:
-        # The processes are started inside this block, because they take over its search path.
+        # The processes are started inside this block, because a new process inherits the search path of the block.
         with safe_path():
             results = parallel(delayed(working_for)(os.getpid(), count, function, *job) for job in jobs)
             yield None
             yield from results
     except BrokenProcessPool as error:
         raise SimulationError(
-            "A worker process died (it was killed, was out of memory, or crashed in native code): run again, with "
-            "fewer workers if memory was short."
+            "A worker process died: it was killed, ran out of memory, or crashed in compiled code. Run again, with "
+            "fewer workers if the machine lacked memory."
         ) from error
     except MemoryError as error:
         raise SimulationError(
@@ -112,10 +114,10 @@ def on_processes(
         ) from error
 
 
-def handed_at_once(jobs: int, workers: int) -> int:
-    """Return the number of short jobs that are sent to a worker process together.
+def batch_size(jobs: int, workers: int) -> int:
+    """Return the number of short jobs that are sent to a worker process together, as one batch.
 
-    Each process gets at least two portions, so that no process is idle for long while the last jobs finish.
+    There are at least two batches for each process, so that no process is idle for long while the last jobs finish.
     """
     return min(max(jobs // (2 * workers), 1), MAX_JOBS_AT_ONCE)
 
@@ -140,7 +142,10 @@ def _on_cluster(function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], c
                 f"A job killed every worker of the cluster at {address} that ran it; see the log of the workers."
             ) from error
         except (FutureCancelledError, OSError) as error:
-            raise SimulationError(f"The Dask scheduler at {address} went away.") from error
+            raise SimulationError(
+                f"The connection to the Dask scheduler at {address} was lost: start the scheduler again, and then this "
+                "run."
+            ) from error
         except ImportError as error:
             raise SimulationError(
                 f"The workers of the cluster at {address} lack a package ({error}): install the same packages there as "

@@ -1,9 +1,9 @@
-"""An environment that keeps code of the working directory from running, because this directory may hold data of another
-person.
+"""Protection from code in the working directory. This directory may hold the data of another person, and code among
+these data must not run.
 
-Without this environment, three mechanisms could run code in the working directory. Python puts this directory first on
-the search path of `python -m` and `python -c`, and worker processes start by such commands. An empty entry of PATH or
-PYTHONPATH means the working directory. matplotlib reads ./matplotlibrc, which names programs.
+Without protection, three mechanisms could run such code. Python puts the working directory first on the search path of
+`python -m` and `python -c`, and worker processes start by such commands. An empty entry of PATH or PYTHONPATH means the
+working directory. matplotlib reads ./matplotlibrc, and the settings in this file can name programs to run.
 """
 
 import importlib
@@ -19,13 +19,18 @@ from functools import lru_cache
 from rover_pin.base.jobs.search_path import PYTHON_PATH, leave_search_path, search_path_without_folder
 
 SAFE_PATH = "PYTHONSAFEPATH"
+"""Environment variable of Python. If it is set, Python does not put the working directory on the search path."""
 PICTURES = "matplotlib"
+"""Name of the package that draws figures."""
 _LOCK = threading.RLock()
+"""Lock that a thread holds while it changes the environment in `safe_path`."""
 _OPEN_BLOCKS: list[str] = []
+"""One entry for each `safe_path` block that has not ended."""
 _BEFORE: dict[str, str] = {}
+"""Values of the environment variables before the first open `safe_path` block."""
 MIN_MEMORY_LIMIT = 2 << 30
-"""Smallest memory limit that is set for a process [bytes]. It suffices for the largest file that is read and one
-copy."""
+"""Smallest memory limit that is set for a process [bytes]. A smaller limit could stop the reading of an allowed file:
+the largest allowed file and one copy of it take 2 GiB."""
 
 
 def leave_folder_out() -> None:

@@ -8,6 +8,7 @@ import os
 import sys
 
 PYTHON_PATH = "PYTHONPATH"
+"""Environment variable of Python: folders that Python searches for modules, with colons between them."""
 
 
 def is_working_folder(entry: str, folder: str) -> bool:
@@ -42,7 +43,7 @@ def leave_search_path() -> None:
     """
     folder = os.getcwd()
     if not is_clone(folder):
-        # Python has made the relative entries of PYTHONPATH absolute before it came here.
+        # At its start, Python has already put the relative entries of PYTHONPATH on sys.path as absolute paths.
         relative = [entry for entry in os.environ.get(PYTHON_PATH, "").split(os.pathsep) if not os.path.isabs(entry)]
         data = {os.path.realpath(os.path.join(folder, entry)) for entry in relative}
         sys.path[:] = [

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from rover_pin.base.console import plain_column, plain_console
 
 SECONDS_BETWEEN_LINES = 10.0
-"""Minimum time between two progress lines in the log [s]."""
+"""Minimum time between two progress lines in the log [s]. More frequent lines would hide the other lines of the log."""
 SECONDS_BEFORE_BAR = 2.0
 """Duration of a calculation after which a progress bar appears [s]. A bar that is visible for a moment only would
 disturb."""
@@ -48,20 +48,21 @@ def format_duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
 
 
-def telling(rows: Iterable[T], total: int, what: str) -> Iterator[T]:
-    """Yield `rows` unchanged, and show the number of finished rows out of `total` and the remaining time.
+def showing_progress(rows: Iterable[T], total: int, what: str) -> Iterator[T]:
+    """Yield `rows` unchanged, and show the progress: the number of finished rows out of `total`, and the remaining
+    time.
 
     On a terminal a progress bar appears after SECONDS_BEFORE_BAR; elsewhere a line is logged every ten seconds. `what`
     names the work in the progress bar and in the log.
 
-    >>> [row for row in telling([3, 4], 2, "runs read")]
+    >>> [row for row in showing_progress([3, 4], 2, "runs read")]
     [3, 4]
     """
     estimate, start = TimeLeft(what), time.monotonic()
     with ExitStack() as stack:
         bar: Any = None
         for count, row in enumerate(rows, 1):
-            # The caller works on the row before the next row is requested, so the time of its work is measured too.
+            # The caller works on this row while the generator waits here, so the caller's time is measured too.
             yield row
             # The bar appears only on a terminal, and only if messages of this level are wanted.
             is_long = count < total and time.monotonic() - start >= SECONDS_BEFORE_BAR

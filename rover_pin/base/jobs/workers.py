@@ -15,7 +15,8 @@ from typing import Any
 from rover_pin.base.jobs.safe_environment import bound_memory, read_pictures_settings
 
 SECONDS_BETWEEN_LOOKS = 1.0
-"""Interval at which a worker process checks whether the program that started it is still running [s]."""
+"""Interval at which a worker process checks whether the program that started it is still running [s]. After the program
+was killed, its workers take computing time and memory for at most this interval."""
 
 
 class Terminated(SystemExit):
@@ -27,8 +28,8 @@ class Terminated(SystemExit):
 
 @contextmanager
 def ending_workers() -> Iterator[None]:
-    """Make SIGTERM raise `Terminated` inside this `with` block, and end all worker processes if SIGTERM or Ctrl-C ends
-    it.
+    """Make SIGTERM raise `Terminated` inside this `with` block. If SIGTERM or Ctrl-C ends the block, all worker
+    processes are ended too.
 
     If the program has its own handler of SIGTERM, or if this thread is not the main thread, SIGTERM is not handled
     here.
@@ -84,16 +85,16 @@ def _follow(program: int, workers: int) -> None:
 
     `program` is the process number of the program that started the worker, and `workers` is the number of workers.
     """
+
+    def end_after_program() -> None:
+        # When the program has ended, the system gives this process another parent.
+        while os.getppid() == program:
+            time.sleep(SECONDS_BETWEEN_LOOKS)
+        os._exit(1)
+
     read_pictures_settings()
     bound_memory(workers)
-    threading.Thread(target=_end_after, args=(program,), daemon=True).start()
-
-
-def _end_after(program: int) -> None:
-    """Wait until the program with this process number has ended, then end this worker process at once."""
-    while os.getppid() == program:
-        time.sleep(SECONDS_BETWEEN_LOOKS)
-    os._exit(1)
+    threading.Thread(target=end_after_program, daemon=True).start()
 
 
 def sent_by_value(module: ModuleType) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from rover_pin.base.errors import ParameterError, SimulationError
 from rover_pin.base.jobs.cluster import Workers, results
-from rover_pin.base.jobs.time_left import telling
+from rover_pin.base.jobs.time_left import showing_progress
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.estimation.experiment import Arrays, Experiment
@@ -285,7 +285,7 @@ class DriveExperiment(Experiment):
         """Call a function once for each tuple of arguments, spread over all worker processes, and return the results in
         order.
         """
-        return list(telling(results(function, tasks, self.jobs, short=True), len(tasks), "replays"))
+        return list(showing_progress(results(function, tasks, self.jobs, short=True), len(tasks), "replays"))
 
     def _pad_tables(self, tables: Sequence[np.ndarray]) -> np.ndarray:
         """Return the features of all runs, each with its own channels and length, as one array (runs, channels,

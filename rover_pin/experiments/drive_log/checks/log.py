@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from rover_pin.base.errors import DataError
-from rover_pin.base.jobs.time_left import telling
+from rover_pin.base.jobs.time_left import showing_progress
 from rover_pin.base.quantity import Record, quantities, record_from
 from rover_pin.contact import Wheel
 from rover_pin.estimation.wording import MAX_NOISE_RATIO
@@ -149,7 +149,7 @@ def faults(log: DriveLog) -> tuple[Finding, ...]:
         return merge_findings(of_log)
     of_runs: list[Finding] = []
     runs = driven_runs(log)
-    for run in telling(runs, len(runs), "runs looked at for faults"):
+    for run in showing_progress(runs, len(runs), "runs looked at for faults"):
         # A stage is computed only if the stages before find nothing: its statistics need the checked channels.
         *stages, last = REFUSALS
         by_stage = ([finding for check in stage for finding in check.findings(run)] for stage in stages)
@@ -179,7 +179,7 @@ def data_findings(log: DriveLog) -> tuple[Finding, ...]:
 def _notes_of_runs(log: DriveLog) -> Iterator[Finding]:
     """Apply the checks of the table NOTES to all runs, and yield their findings."""
     runs = driven_runs(log)
-    for run in telling(runs, len(runs), "runs checked"):
+    for run in showing_progress(runs, len(runs), "runs checked"):
         for check in NOTES:
             yield from check.findings(run)
 
