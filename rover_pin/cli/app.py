@@ -11,14 +11,13 @@ import typer
 
 from rover_pin.base.console import say, warn
 from rover_pin.base.encode import shell_line, shell_word
-from rover_pin.base.errors import NO_ROOM, RoverPinError, one_line
+from rover_pin.base.errors import NO_ROOM, ParameterError, RoverPinError, one_line
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.results_folder import alone_in, say_what_is_replaced
 from rover_pin.base.jobs.safe_environment import leave_folder_out
 from rover_pin.base.trust import Trust
 from rover_pin.cli import commands
 from rover_pin.cli.assumed import assumed_by_bounds, assumed_by_sweep, report_assuming, weighed_by_drives
-from rover_pin.cli.commands.bands import bands, refuse_of_one_model
 from rover_pin.cli.commands.view import SEEN, open_page, requested_files, write_requested
 from rover_pin.cli.completing import engine_names, scenario_names
 from rover_pin.cli.options import (
@@ -61,7 +60,8 @@ app = typer.Typer(
 def main() -> None:
     """Run the command line.
 
-    An error that the user can correct is printed as one sentence, and the program ends with exit code 2.
+    If the command fails by an error that the user can correct, the error is printed on one line, and the program ends
+    with exit code 2.
     """
     try:
         app()
@@ -75,8 +75,8 @@ def main() -> None:
         if isinstance(error, ImportError) and NO_ROOM not in str(error):
             raise
         warn(
-            "rover-pin: this needs more memory than is allowed (half of the machine's memory, or the limit of ulimit "
-            "-v); use a smaller file or fewer samples."
+            "rover-pin: this command needs more memory than it may use, which is half of the machine's memory or the "
+            "limit of ulimit -v; use a smaller file or fewer samples."
         )
         sys.exit(2)
     except OSError as error:
@@ -85,7 +85,7 @@ def main() -> None:
             raise
         # For example a full disk, or a folder without permission to write.
         file = f"{error.filename}: " if error.filename else ""
-        message = one_line(f"{file}{error.strerror}; make room there, or give another file or folder.")
+        message = one_line(f"{file}{error.strerror}; free space on the disk, or name another file or folder.")
         warn(f"rover-pin: {message}")
         sys.exit(2)
 
@@ -96,7 +96,7 @@ def drive(
         str,
         typer.Argument(
             autocompletion=scenario_names,
-            help="ditch, flat ... (rover-pin list scenarios), or a drive's TOML file, as --save writes it.",
+            help="Name of a scenario, such as ditch (rover-pin list scenarios), or a TOML file that --save wrote.",
         ),
     ],
     rover: RoverName = "",
@@ -107,9 +107,10 @@ def drive(
     add: Add = [],  # noqa: B006 - typer wants a list
     set_: Set = [],  # noqa: B006
     save: Annotated[
-        Path | None, typer.Option("--save", help="Write the drive's settings to this TOML file, to drive it again.")
+        Path | None,
+        typer.Option("--save", help="Write the drive's settings to this TOML file; `rover-pin drive FILE` repeats it."),
     ] = None,
-    view: Annotated[bool, typer.Option("--view", help="Write view.html, the drive in 3D.")] = False,
+    view: Annotated[bool, typer.Option("--view", help="Write view.html, a page that shows the drive in 3D.")] = False,
     gif: Gif = False,
     mp4: Mp4 = False,
     open_: Open = False,
@@ -120,22 +121,23 @@ def drive(
         typer.Option(
             "--engine",
             autocompletion=engine_names,
-            help="What computes the rigid bodies in a step: compiled (generated C), or Pinocchio's own algorithms, "
-            "pinocchio-crba or pinocchio-aba, as a slow reference.",
+            help="The code that computes the motion of the rigid bodies: compiled (generated C code), or "
+            "pinocchio-crba or pinocchio-aba (slow algorithms of the library Pinocchio, to check the compiled code).",
         ),
     ] = "compiled",
     out: Out = Path("out/drive"),
     as_json: AsJson = False,
 ) -> None:
-    """Drive a scenario: write its drive log, figures and a summary.
+    """Simulate the drive of a scenario. Writes a drive log and figures, and prints a summary.
 
-    With --model FOLDER it drives all models of the folder, and writes bands instead of lines. Exit code 1: the drive
-    diverged.
+    If --model names a folder, the scenario is driven on every model of the folder, and the figure shows quantiles over
+    the models. Exit code 1: the simulation diverged.
     """
     from rover_pin.scenarios.scenario import scenario as ready
     from rover_pin.simulation.engines import engine_named
 
-    engine_named(engine)  # an unknown name is refused before results of an earlier drive are removed
+    # An unknown name is refused here, before the results of an earlier drive are removed.
+    engine_named(engine)
     settings = drive_settings(set_, rover=rover, control=control, gravity=gravity, soil=soil, model=model, add=add)
     # Naming a controller's file on the command line is the consent to run it, as with --effects.
     own = Path(control) if control.endswith(".py") else None
@@ -143,14 +145,18 @@ def drive(
     views = requested_files(view or open_, gif, mp4)
     if model is not None and model.is_dir():
         # Pages, films and drive files hold a single drive, so they are refused before the models are driven.
-        refuse_of_one_model([*views, *([str(save)] if save else [])], model)
+        if views or save:
+            raise ParameterError(
+                f"a page, GIF, film or drive file holds a single drive, but {model} is a folder of models: give "
+                "--model one of its files."
+            )
         with stoppable(out, ("bands.csv", "bands.png")), alone_in(out):
-            summary, assumptions = bands(scenario, model, settings, out, engine)
+            summary, assumptions = _drive_models(scenario, model, settings, out, engine)
             report_assuming(summary, assumptions, as_json, out)
         return
     chosen = ready(scenario, **settings)
     if save is not None:
-        # Saved before the drive, so that a drive that fails can be repeated too.
+        # The settings are saved before the drive, so that a drive that fails can be repeated too.
         say_what_is_replaced(save.parent, (save.name,))
         log.info("To repeat this drive, run rover-pin drive %s", shell_word(chosen.save(save)))
     # Views of an earlier drive would otherwise be taken for views of this one.
@@ -168,6 +174,10 @@ def drive(
 def _drive_scenario(
     chosen: Any, name: str, settings: Mapping[str, Any], engine: str, views: list[str], out: Path, as_json: bool
 ) -> None:
+    """Simulate the drive of a scenario, write its log, its figures and the view files `views`, and print the summary.
+
+    Raises typer.Exit with code 1: the simulation diverged.
+    """
     with progress(f"driving {chosen.name}", chosen.duration, silent=as_json) as advance:
         trace = chosen.drive(advance, engine=engine)
     log.debug("driven: %d rows of the trace", len(trace["t_s"]))
@@ -194,13 +204,46 @@ def _drive_scenario(
         raise typer.Exit(1)
 
 
+def _drive_models(
+    name: str, folder: Path, settings: dict[str, Any], out: Path, engine: str
+) -> tuple[dict[str, Any], Any]:
+    """Drive a scenario on each model of a folder, write bands.csv and bands.png, and return a summary over the models,
+    and the assumptions about everything that the models do not state.
+
+    The models must be equally probable, such as the models in the folder `posterior` of a close-loop run. `name` is the
+    scenario, `settings` are the user's settings of the drive, `out` is the folder of the results, and `engine` is the
+    name of the engine that computes the steps.
+    """
+    from rover_pin.comparison.bands import drive_on_models
+    from rover_pin.plot import save, write_csv
+    from rover_pin.plot.bands import bands_figure
+    from rover_pin.scenarios.scenario import scenario
+    from rover_pin.simulation.model.toml_file import models_of
+
+    files = models_of(folder)
+    # The models of the folder replace the single model of the settings.
+    other_settings = {key: value for key, value in settings.items() if key != "model"}
+    drives = drive_on_models(name, files, other_settings, engine=engine)
+    title = (
+        f"{name} on {len(files)} models of {folder.name}: stuck on {sum(drives.stuck)}, buried on {sum(drives.buried)}"
+    )
+    paths = [
+        write_csv(drives.table(), out / "bands.csv"),
+        save(bands_figure(drives.t, drives.panels, title), out / "bands.png"),
+    ]
+    assumptions = scenario(name, **{**other_settings, "model": str(files[0])}).assumptions
+    return {"scenario": name, **drives.summary(), "files": list(map(str, paths))}, assumptions
+
+
 @app.command("check-urdf")
 def check_urdf(
-    file: Annotated[Path, typer.Argument(help="A rover's .toml, a .urdf alone, or a shipped rover's name.")],
+    file: Annotated[
+        Path, typer.Argument(help="A rover's TOML file, a URDF without a TOML file, or a name from `list rovers`.")
+    ],
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Check a rover: list its faults, and whether it stands and moves. Assumptions are printed too.
+    """Check the files of a rover. Prints the faults, whether the rover stands and moves, and the assumed numbers.
 
     Exit code 1: the rover has faults.
     """
@@ -229,7 +272,7 @@ def check_urdf(
 
 @app.command()
 def sweep(
-    study: Annotated[Path, typer.Argument(help="A study's TOML file.")],
+    study: Annotated[Path, typer.Argument(help="TOML file of the study: scenario, parameters and their values.")],
     workers: Workers = 0,
     scheduler: Scheduler = "",
     effects: Effects = None,
@@ -237,7 +280,11 @@ def sweep(
     out: NamedOut = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run a batch study; if killed, it resumes where it stopped. Results go to out/NAME OF THE STUDY by default."""
+    """Run a batch study, which is one drive for each combination of parameter values.
+
+    If a study was stopped, the same command finishes it. By default, the results are written to out/NAME, where NAME is
+    the name of the study.
+    """
     from rover_pin.sweep import read_study
     from rover_pin.sweep import sweep as run
 
@@ -249,10 +296,12 @@ def sweep(
 
 @app.command()
 def bounds(
-    slope_deg: Annotated[str, typer.Option(help="Nose-up inclination [deg], or as 0.1rad.")] = "0",
+    slope_deg: Annotated[
+        str, typer.Option(help="Slope of the ground, positive uphill [deg]; other units as in 0.1rad.")
+    ] = "0",
     soil: SoilName = "",
-    slip: Annotated[str, typer.Option(help="Slip limit, in (0, 1], or as 20%.")] = "0.2",
-    form: Annotated[str, typer.Option(help="Which traction factor: net, torque, gross.")] = "",
+    slip: Annotated[str, typer.Option(help="Slip limit, above 0 and up to 1, such as 0.2 or 20%.")] = "0.2",
+    form: Annotated[str, typer.Option(help="The traction factor to use: net, torque or gross.")] = "",
     rover: RoverName = "",
     gravity: Gravity = "",
     model: ModelFile = None,
@@ -261,14 +310,14 @@ def bounds(
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Print the torques that wheels can transmit, the motor's margin, and two limits of the slope.
+    """Print the torque that each wheel can transmit to the soil, the motor's margin, and the steepest climbable slopes.
 
     `climbable` is the slope on which the pull at a slip of 1 just balances weight and motion resistance: the rover
     stands still there, and creeps on slopes that are a few degrees gentler. `climbable at slip limit` is the slope that
-    it climbs with all wheels at the slip limit.
+    the rover climbs with all wheels at the slip limit.
 
-    Only the traction and the motion resistance of a model count, not its other effects. For a folder of models, such as
-    a loop's `posterior`, the printed bounds hold for the next model with a probability of 90 %.
+    Only the traction and the motion resistance of a model count, not its other effects. If --model names a folder, such
+    as a loop's `posterior`, the printed bounds hold for the next model with a probability of 90 %.
     """
     from rover_pin.base.quantity import parse_quantity
     from rover_pin.control.rover_bounds import bounds_of_model, bounds_table
@@ -308,18 +357,21 @@ def identify(
     data: Annotated[
         list[Path],
         typer.Argument(
-            help="Folder with rig.toml or drive.toml, or CSV of slip, traction_factor, sd; several rig sets."
+            help="Folder with rig.toml or drive.toml, several folders with rig.toml, or a CSV file with the columns "
+            "slip, traction_factor and sd."
         ),
     ],
     set_: Set = [],  # noqa: B006
-    prior: Annotated[list[str], typer.Option(help="NAME=MEAN:SD, the prior of a number; can be repeated.")] = [],  # noqa: B006
+    prior: Annotated[
+        list[str], typer.Option(help="Prior of a number as NAME=MEAN:SD, such as phi=30deg:2deg; can be repeated.")
+    ] = [],  # noqa: B006
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fit soil and wheel to data, and print which numbers the data determine.
+    """Fit the numbers of soil and wheel to data, and print which numbers the data determine.
 
-    close-loop begins with this fit of the base model. --set fixes a number, and --prior states its mean and SD. All
-    other numbers are as the data declare them, or assumed; each estimate lists the numbers that it depends on.
+    The command close-loop begins with this fit. --set fixes a number at a value, and --prior replaces its prior. All
+    other priors are declared by the data, or assumed. For each estimate, the priors are listed on which it depends.
     """
     from rover_pin.contact import Soil, Wheel
     from rover_pin.loop.data_check import measured_in
@@ -343,7 +395,7 @@ def identify(
 
 @app.command()
 def tune(
-    study: Annotated[Path, typer.Argument(help="A tuning study's TOML file.")],
+    study: Annotated[Path, typer.Argument(help="TOML file of the tuning study: its drives and the gains to tune.")],
     model: ModelFile = None,
     workers: Workers = 0,
     scheduler: Scheduler = "",
@@ -352,7 +404,10 @@ def tune(
     out: Out = Path("out/tune"),
     as_json: AsJson = False,
 ) -> None:
-    """Tune the slip control over an ensemble of drives. The drives can have sensor noise; if killed, it resumes."""
+    """Tune the gains of the slip control over an ensemble of simulated drives.
+
+    The drives can have sensor noise. If a tuning was stopped, the same command finishes it.
+    """
     from rover_pin.scenarios.assumptions import shared_by
     from rover_pin.simulation.model.toml_file import models_of
     from rover_pin.tuning.drives import build, cautions
@@ -362,7 +417,7 @@ def tune(
     allowed = Trust.of(effects, trust)
     tuning_study = read_tuning(study, allowed)
     tuning_study = (tuning_study if model is None else tuning_study.on_model(*models_of(model))).trusting(allowed)
-    # The log names the effects that the tuning cannot consider before the long run, so that the user may stop it.
+    # Before the long run, the log names the effects that the tuning cannot consider, so that the user may stop it.
     for line in cautions((*tuning_study.training, *tuning_study.held_out)):
         log.warning("%s", line)
     with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv", "drives.png", "frontier.png")):

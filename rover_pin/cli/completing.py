@@ -47,8 +47,9 @@ def rover_names(begun: str) -> list[str]:
 
 
 def listed_entries(what: str) -> "list[Entry]":
-    """Return the entries that `rover-pin list KIND` shows for a kind, such as "soils". For the kind "settings", these
-    are the settings of the scenario `ditch`.
+    """Return the entries that `rover-pin list KIND` shows. `what` is the kind, such as "soils".
+
+    For the kind "settings", the entries are the settings of the scenario `ditch`.
     """
     if what == "experiments":
         from rover_pin.loop.experiment_file import experiments
@@ -78,7 +79,7 @@ def effects_to_add(begun: str) -> list[tuple[str, str]]:
     """
     from rover_pin.scenarios.catalogue import effects
 
-    # Before the dot the effect is typed, after it the name of one of its numbers.
+    # The user types the effect before the dot, and the name of one of its numbers after the dot.
     kind, dot, number = begun.partition(".")
     if not dot:
         return [(entry.name, entry.summary) for entry in effects() if entry.name.startswith(kind)]
@@ -94,10 +95,10 @@ def effects_to_add(begun: str) -> list[tuple[str, str]]:
 def settings_to_set(ctx: typer.Context, begun: str) -> list[tuple[str, str]]:
     """Return the completions of a value of `--set`, each with the default, unit and source of the setting.
 
-    Before the `=`, these are the names of settings that begin with the letters typed so far; after it, the allowed
-    words. The settings belong to the scenario in the command line, with its `--add`, `--model` and earlier `--set`; for
-    `identify` they are the settings of the soil. A command line with an error gets no completion, because the command
-    will report the error.
+    Before the `=`, the completions are the names of settings that begin with the letters typed so far. After the `=`,
+    they are the allowed words. The settings belong to the scenario in the command line, with its `--add`, `--model` and
+    earlier `--set`; for `identify` they are the settings of the soil. A command line with an error gets no completion,
+    because the command will report the error.
     """
     name, equals, value = begun.partition("=")
     try:
@@ -132,7 +133,7 @@ def _settings(ctx: typer.Context) -> "list[Setting]":
     if ctx.info_name == "identify":
         soil = [setting for setting in catalogue.settings("flat") if setting.name.startswith(SOIL)]
         return [*soil, *(setting._replace(name=setting.name.removeprefix(SOIL)) for setting in soil)]
-    # While an option's value is typed, the words before it are not parsed yet: they are still in args.
+    # While the user types the value of an option, typer has not parsed the words before it, so they are still in args.
     words = (ctx.params.get("scenario"), ctx.params.get("name"), *ctx.args)
     scenario = next((word for word in words if word and (word in SCENES or is_drive_file(word))), "ditch")
     return catalogue.settings(scenario, **overrides)

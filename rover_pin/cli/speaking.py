@@ -17,8 +17,7 @@ USAGE_ERROR: type[Exception] = typer.BadParameter.__mro__[1]
 """The exception that typer raises for words that it cannot parse. It is taken from a subclass, because the module that
 defines the exception depends on the version of typer."""
 LEVELS = {"quiet": logging.WARNING, "": logging.INFO, "verbose": logging.DEBUG}
-
-
+"""Level of detail that `speak` accepts -> the lowest level of the messages that are printed."""
 GROUPS = {
     "Drive a rover": "drive map view watch sweep export",
     "Learn from measurements": "check-data close-loop identify compare improve import-log init demo",
@@ -49,7 +48,7 @@ class LineFormatter(logging.Formatter):
 def speak(level: str = "") -> None:
     """Print the package's log on standard error from now on.
 
-    With `level` "quiet", only warnings are printed; with "", progress too; with "verbose", everything.
+    The `level` "quiet" prints only warnings, the empty `level` prints also progress, and "verbose" prints everything.
     """
     log = logging.getLogger("rover_pin")
     # A handler of an earlier call would print every line twice.
@@ -64,9 +63,7 @@ def speak(level: str = "") -> None:
 
 
 class Program(TyperGroup):
-    """The program as a group of commands. The options `-q` and `-v` may be written anywhere in the line, also after the
-    command.
-    """
+    """The program as a group of commands. A user may write the options `-q` and `-v` before or after the command."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
@@ -103,7 +100,7 @@ class Program(TyperGroup):
             return super().invoke(ctx)
         except USAGE_ERROR as usage:
             error: Any = usage
-            # A setting that was written as an option is the most frequent of these errors: --soil.k instead of --set.
+            # The most frequent error is a setting that was written as an option: `--soil.k` instead of `--set soil.k=`.
             # Only commands with --set have settings.
             name = getattr(error, "option_name", "").lstrip("-").replace("-", "_")
             if name and error.ctx and any("--set" in parameter.opts for parameter in error.ctx.command.params):
@@ -142,12 +139,14 @@ def _set_verbose(flag: bool) -> bool:
     return flag
 
 
-Quiet = Annotated[bool, typer.Option("-q", "--quiet", callback=_set_quiet, help="Print warnings only.")]
-Verbose = Annotated[bool, typer.Option("-v", "--verbose", callback=_set_verbose, help="Also log compilation steps.")]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", callback=_set_quiet, help="Print no progress, only warnings.")]
+Verbose = Annotated[
+    bool, typer.Option("-v", "--verbose", callback=_set_verbose, help="Also print details, such as compilation steps.")
+]
 Version = Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")]
 
 
 def program(quiet: Quiet = False, verbose: Verbose = False, version: Version = False) -> None:
-    """Handle the options that belong to the program itself. Without -q and -v, warnings and progress are printed."""
+    """Handle the options of the program itself. Without -q and -v, warnings and progress are printed."""
     if not (quiet or verbose):
         speak()

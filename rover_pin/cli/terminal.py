@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 
 def priors(words: Iterable[str]) -> dict[str, Any]:
-    """Return the priors that the words NAME=MEAN:SD of the option --prior state, by the name of the number.
+    """Read the words NAME=MEAN:SD of the option `--prior`, and return a dict from the name of a number to its prior.
 
     Raises ParameterError: a word has another form, or a number has a wrong unit.
     """
@@ -42,8 +42,11 @@ def priors(words: Iterable[str]) -> dict[str, Any]:
         # Either both numbers have a unit or neither: the SD of 30deg:2 could be in degrees or in radians.
         bare = [text.strip()[-1:] in tuple("0123456789.") for text in (mean, sd)]
         if not sign or bare[0] != bare[1]:
-            raise ParameterError(f"--prior {word}: write it as NAME=MEAN:SD, as --prior n=1.1:0.1 or phi=30deg:2deg.")
-        # The unit of a number such as soil.phi is that of the field phi.
+            raise ParameterError(
+                f"--prior {word}: write a prior as NAME=MEAN:SD, such as n=1.1:0.1 or phi=30deg:2deg, with a unit for "
+                "both numbers or for neither."
+            )
+        # A number such as soil.phi has the unit of the field phi.
         where = f"--prior {word}: {name}"
         result[name] = Prior(
             *(parse_quantity(text, units.get(name.rpartition(".")[2], ""), where) for text in (mean, sd))
@@ -64,17 +67,16 @@ def drive_settings(set_: list[str], **options: Any) -> dict[str, Any]:
     for name in given.keys() & settings.keys():
         if str(given[name]) != str(settings[name]):
             raise ParameterError(
-                f"--{name} {given[name]} and --set {name}={settings[name]} contradict: give one of them."
+                f"--{name} {given[name]} and --set {name}={settings[name]} contradict each other: give only one."
             )
     return {**given, **settings}
 
 
 def soil_and_wheel(set_: list[str], soil: Any, wheel: Any) -> tuple[dict[str, float], dict[str, float]]:
-    """Return two mappings from names to numbers in SI: the numbers of the soil and the numbers of the wheel that the
-    option `--set` states.
+    """Return the numbers of the soil and the numbers of the wheel that the option `--set` states.
 
-    A name without a dot, such as `phi`, is a number of the soil. `soil` and `wheel` are the records whose fields can be
-    set.
+    Each is a dict from name to number in SI. A name without a dot, such as `phi`, is a number of the soil. `soil` and
+    `wheel` are the records whose fields can be set.
 
     Raises ParameterError: a name is unknown, or a number is out of bounds or has a wrong unit.
     """
@@ -96,7 +98,9 @@ def formulas(words: Iterable[str]) -> dict[str, str]:
     for word in words:
         name, equals, formula = word.partition("=")
         if not equals or name in columns:
-            raise ParameterError(f"--column {word}: give NAME=FORMULA, as load_N='9.81 * m', once for each name.")
+            raise ParameterError(
+                f"--column {word}: write a column as NAME=FORMULA, such as load_N='9.81 * m', once for each name."
+            )
         columns[name] = formula
     return columns
 
@@ -131,7 +135,7 @@ def assignments(words: Iterable[str], option: str = "--set") -> dict[str, Any]:
     for word in words:
         name, sign, value = word.partition("=")
         if not sign:
-            raise ParameterError(f"{option} {word}: write it as NAME=VALUE, as --set soil.k=0.01.")
+            raise ParameterError(f"{option} {word}: write it as NAME=VALUE, such as {option} soil.k=0.01.")
         # A text that is no number keeps its unit or its word, and the setting itself converts it later.
         try:
             values[name] = float(value)
@@ -179,7 +183,7 @@ def _times(out: Path | None, names: Sequence[str]) -> dict[str, int]:
 def report(result: Mapping[str, Any], as_json: bool) -> None:
     """Print a result as a short table, or as one JSON object if `as_json` is True.
 
-    Lines are never wrapped or shortened, because users copy paths from them.
+    A line of the table is never wrapped or shortened, because users copy paths from it.
     """
     if as_json:
         say(json_text(result))
@@ -195,7 +199,7 @@ def report(result: Mapping[str, Any], as_json: bool) -> None:
 
 MAX_COLUMN_WIDTH = 28
 """Maximum width of a column of the table of settings, in letters. A longer cell is not cut; it shifts the rest of its
-own row to the right."""
+own row to the right. With three columns of 28 letters, the table usually fits into a terminal of 120 letters."""
 
 
 def numbers_table(settings: Iterable[Setting]) -> None:

@@ -37,9 +37,9 @@ def test_odometry_is_written_down_and_then_refused(run):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--column", "body_x"), "give NAME=FORMULA"),
-        (("--column", "body_x=x", "--column", "body_z"), "--column body_z: give NAME=FORMULA"),
-        (("--column", "body_x=x", "--column", "body_x=y"), "--column body_x=y: give NAME=FORMULA"),
+        (("--column", "body_x"), "NAME=FORMULA"),
+        (("--column", "body_x=x", "--column", "body_z"), "--column body_z"),
+        (("--column", "body_x=x", "--column", "body_x=y"), "--column body_x=y"),
         (("--column", "body_x=open('x')"), "function 'open'"),
         (("--column", "body_zz=z"), "--column body_zz"),
         (("--column", "wheel_rate_f1=1"), "you mean 'wheel_rate_f"),

@@ -90,4 +90,4 @@ def test_rovers_have_their_wheels_and_mass(run):
     assert rovers["cart"]["mass_kg"] == pytest.approx(load_rover("cart").mass)
     (radius,) = [number for number in rovers["cart"]["numbers"] if number["name"] == "r"]
     assert radius["value"] == 0.11
-    assert "as given" in radius["source"]  # not the paper's 45 mm
+    assert "0.045" in radius["source"]  # the default, the wheel of the paper

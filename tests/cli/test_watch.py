@@ -68,9 +68,9 @@ def test_a_stranger_s_rates_currents_and_attitude_suffice(run):
     ("words", "sentence"),
     [
         (("theirs",), "current_"),
-        (("theirs", "--run", "climb"), "there is no run 'climb'"),
-        (("nowhere",), "there is no drive.toml"),
-        (("notes.txt",), "there is no drive.toml"),
+        (("theirs", "--run", "climb"), "'climb'"),
+        (("nowhere",), "drive.toml"),
+        (("notes.txt",), "drive.toml"),
     ],
 )
 def test_what_cannot_be_watched_is_one_sentence(run, words, sentence):

@@ -112,11 +112,11 @@ def test_a_drive_says_how_the_ground_under_it_lies(run):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("hills", "--box", "0,1,2"), "four ends"),
+        (("hills", "--box", "0,1,2"), "--box 0,1,2"),
         (("hills", "--box", "30,40,0,1"), "no place for a drive"),
         (("hills", "--set", "duration=1000"), "no place for a drive"),
         (("hills", "--headings", "0"), "1 to 360"),
-        (("hills", "--spacing", "-1"), "spacing of more than 0 m"),
+        (("hills", "--spacing", "-1"), "spacing = -1 m"),
         (("hills", "--set", "terain.seed=2"), "terrain.seed"),
     ],
 )

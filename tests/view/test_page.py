@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from rover_pin.cli.subject import read_subject
+from rover_pin.cli.commands.view import read_subject
 from rover_pin.logs.drive_log import save_trace
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.view.animation import COLOURS, MAX_PICTURES, PICTURES_PER_SECOND, write_animation
@@ -87,7 +87,7 @@ def test_a_missing_viser_or_ffmpeg_is_said_before_the_drive(run, monkeypatch):
     monkeypatch.setattr("rover_pin.cli.commands.view.find_spec", lambda name: None)
     assert 'needs viser. Run `pip install "viser>=1.0"`' in run("drive", "flat", "--view")[2]
     monkeypatch.setattr("shutil.which", lambda name, path: None)
-    assert "drive.mp4 needs ffmpeg" in run("drive", "flat", "--mp4")[2]
+    assert "ffmpeg" in run("drive", "flat", "--mp4")[2]
     assert not Path("out").exists()
 
 

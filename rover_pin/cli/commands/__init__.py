@@ -1,4 +1,4 @@
-"""The commands that are not in `app`: one file for each command, or for a few commands that belong together.
+"""The commands that are not in `app`: one file for each command, or for several commands with one subject.
 
 Every command imports the modules that it needs when it runs, so that the program starts fast. The files do not use
 `from __future__ import annotations`, because typer would then evaluate each annotation several times at every start.
@@ -7,15 +7,12 @@ Every command imports the modules that it needs when it runs, so that the progra
 import typer
 
 from rover_pin.cli.commands import (
-    check_data,
     close_loop,
     compare,
     curve,
-    demo,
+    data_sets,
     export,
-    import_log,
     improve,
-    init,
     listing,
     map_ground,
     new_effect,
@@ -38,9 +35,9 @@ def add_to(app: typer.Typer) -> None:
     app.command("close-loop")(close_loop.close_loop)
     app.command()(improve.improve)
     app.command()(compare.compare)
-    app.command("check-data")(check_data.check_data)
-    app.command()(init.init)
-    app.command()(demo.demo)
-    app.command("import-log")(import_log.import_log)
+    app.command("check-data")(data_sets.check_data)
+    app.command()(data_sets.init)
+    app.command()(data_sets.demo)
+    app.command("import-log")(data_sets.import_log)
     app.command("new-effect")(new_effect.new_effect)
     app.command("new-rover")(new_effect.new_rover)

@@ -17,7 +17,10 @@ REPORT = "report.html"
 
 def close_loop(
     data: Annotated[
-        list[Path], typer.Argument(help="Folder with rig.toml or drive.toml; several folders for rig sets in one sand.")
+        list[Path],
+        typer.Argument(
+            help="Folder with rig.toml or drive.toml, or several folders with rig.toml, measured in one sand."
+        ),
     ],
     model: ModelFile = None,
     effects: Effects = None,
@@ -26,15 +29,16 @@ def close_loop(
     workers: Workers = 0,
     scheduler: Scheduler = "",
     experiment: Annotated[
-        str | None, typer.Option(help="Your own experiment: its Python file, or motor_brake, pendulum.")
+        str | None, typer.Option(help="Experiment that reads the data: your Python file, or motor_brake or pendulum.")
     ] = None,
     fail_on: FailOn = "",
     open_: Open = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find the effect that the model lacks, add it, and report. Errors before and after are printed; it can resume.
+    """Find the effect that a model lacks compared with measured data, add it, and report the errors before and after.
 
-    Exit codes: 0 for any answer; 2 for data or options that are refused; 3 for an answer named by --fail-on.
+    If a search on a drive log was stopped, the same command continues it. Exit codes: 0 for any answer, 2 for data or
+    options that are refused, 3 for an answer that --fail-on lists.
     """
     import json
 
@@ -59,5 +63,5 @@ def close_loop(
     if open_:
         open_page(out, REPORT)
     if verdict.answer in failing:
-        log.warning("the answer '%s' is one of --fail-on %s", verdict.answer.value, fail_on)
+        log.warning("exit code 3, because --fail-on %s lists the answer '%s'", fail_on, verdict.answer.value)
         raise typer.Exit(FAILED)

@@ -15,18 +15,21 @@ if TYPE_CHECKING:
 
 MAX_COLUMN_WIDTH = 44
 """Maximum width of a column of the printed table, in letters. A longer cell is not cut; it shifts the rest of its row
-to the right."""
+to the right. A number with its unit and its interval has fewer than 44 letters."""
 
 
 def compare(
-    first: Annotated[Path, typer.Argument(metavar="A", help="A close-loop's folder, a model.toml, a drive log.")],
-    second: Annotated[Path, typer.Argument(metavar="B", help="Another verdict, model or log, as A is.")],
+    first: Annotated[
+        Path,
+        typer.Argument(metavar="A", help="Results folder of close-loop, a model.toml, or the folder of a drive log."),
+    ],
+    second: Annotated[Path, typer.Argument(metavar="B", help="Another result of the same kind as A.")],
     run: Run = "",
     all_: Annotated[bool, typer.Option("--all", help="Also print the rows that do not differ.")] = False,
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Compare two verdicts, two models or two drives. Prints one sentence and a table of differences."""
+    """Compare two verdicts, two models or two drives. Prints a sentence and a table of the differences."""
     from rover_pin.comparison.compare import compare as compared
 
     comparison = compared(first, second, run, Trust(everything=trust))

@@ -15,17 +15,18 @@ from rover_pin.cli.terminal import soil_and_wheel, stoppable
 def curve(
     soil: SoilName = "",
     k: Annotated[
-        list[str], typer.Option(help="Shear displacement, as 10mm; can be repeated; default: the soil's own.")
+        list[str],
+        typer.Option(help="Shear displacement, such as 10mm; by default the value of the soil; can be repeated."),
     ] = [],  # noqa: B006 - typer wants a list
-    n: Annotated[str, typer.Option(help="Sinkage exponent, in place of the soil's.")] = "",
+    n: Annotated[str, typer.Option(help="Sinkage exponent; by default the value of the soil.")] = "",
     set_: Set = [],  # noqa: B006
     out: Out = Path("out/curve"),
     as_json: AsJson = False,
 ) -> None:
-    """Draw the load-traction factor F(S) against slip, in every form, at the soil's fixed angles.
+    """Draw the load-traction factor F(S) against the slip S, in its three forms: net, torque and gross.
 
-    The soil is table-1 by default. --set changes the numbers of the soil (soil.phi=33deg, or phi=33deg) and of the
-    wheel (wheel.r=10cm).
+    The entry and exit angles are the fixed angles of the soil. The soil is table-1 by default. --set changes the
+    numbers of the soil (soil.phi=33deg, or phi=33deg) and of the wheel (wheel.r=10cm).
     """
     from rover_pin import plot
     from rover_pin.base.errors import ParameterError
@@ -41,7 +42,7 @@ def curve(
     changes, sizes = soil_and_wheel(set_, base, Wheel())
     for option, given in (("k", k), ("n", n)):
         if given and option in changes:
-            raise ParameterError(f"--{option} and --set soil.{option} both state {option}: give one of them.")
+            raise ParameterError(f"--{option} and --set soil.{option} both state {option}: give only one of them.")
     # The options are read before any curve is computed, so that a wrong unit is reported at once.
     lengths = [parse_quantity(length, "m", "--k") for length in k]
     exponent = parse_quantity(n, "", "--n") if n else None

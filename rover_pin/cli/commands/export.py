@@ -31,7 +31,10 @@ from rover_pin.cli.options import (
 )
 from rover_pin.cli.terminal import drive_settings, report
 
-Scene = Annotated[str, typer.Argument(autocompletion=scenario_names, help="The rover and its ground: ditch ...")]
+Scene = Annotated[
+    str,
+    typer.Argument(autocompletion=scenario_names, help="Scenario that gives the rover and its ground, such as ditch."),
+]
 
 
 class Kind(StrEnum):
@@ -44,19 +47,23 @@ class Kind(StrEnum):
 
 
 def export(
-    path: Annotated[Path, typer.Argument(help="A drive log's folder, a trace in .parquet, or a drive's TOML file.")],
-    to: Annotated[Kind, typer.Option(help="csv, parquet (pandas), mcap (Foxglove), rerun.")] = Kind.CSV,
+    path: Annotated[
+        Path, typer.Argument(help="Folder of a drive log, a trace in .parquet, or the TOML file of a drive.")
+    ],
+    to: Annotated[
+        Kind, typer.Option(help="Format: csv, parquet (for pandas), mcap (for Foxglove) or rerun.")
+    ] = Kind.CSV,
     run: Run = "",
     trust: Trusted = False,
     out: Out = Path("out/export"),
     as_json: AsJson = False,
 ) -> None:
-    """Write a drive as a table, for Foxglove (MCAP), or for Rerun."""
+    """Write a drive as a table (CSV or Parquet), or as a recording for the viewers Foxglove (MCAP) or Rerun."""
     if to in (Kind.MCAP, Kind.RERUN) and find_spec(to.value) is None:
-        # Checked before the drive is read, which may take long.
+        # The package is needed last, but its absence is reported first, because to read the drive may take long.
         need = {Kind.MCAP: "MCAP needs the package mcap", Kind.RERUN: "Rerun needs the package rerun-sdk"}[to]
         raise MissingExtraError(f"An export to {need}, which is not installed. Run `{install_command(to.value)}`.")
-    from rover_pin.cli.subject import read_subject
+    from rover_pin.cli.commands.view import read_subject
     from rover_pin.view import export as writing
 
     subject = read_subject(path, run, Trust(everything=trust))
@@ -69,7 +76,10 @@ def export(
 
 def export_c(
     scenario: Annotated[
-        str, typer.Argument(autocompletion=scenario_names, help="The rover and soil to control: ditch, flat ...")
+        str,
+        typer.Argument(
+            autocompletion=scenario_names, help="Scenario that gives the rover and the soil to control, such as ditch."
+        ),
     ],
     rover: RoverName = "",
     control: Control = "onboard",
@@ -83,9 +93,9 @@ def export_c(
     out: Out = Path("out/control"),
     as_json: AsJson = False,
 ) -> None:
-    """Write a slip control, or cmd-vel, as C, with test vectors.
+    """Write a controller as C code for an onboard computer, together with test vectors.
 
-    --control may be eq9, onboard (the default), camera, true (your program gives the slip) or cmd-vel.
+    The option --control can be eq9, onboard (the default), camera, true (your program provides the slip) or cmd-vel.
     """
     from rover_pin.onboard.embedded.folder import control_export, write_control
     from rover_pin.scenarios.scenario import scenario as ready
@@ -118,9 +128,9 @@ def export_fmu(
     out: Out = Path("out/fmu"),
     as_json: AsJson = False,
 ) -> None:
-    """Write a rover, and a slip control, as FMI 3.0 units.
+    """Write a rover, and optionally its controller, as units of FMI 3.0 for co-simulation.
 
-    With --control (eq9, onboard, camera, true or cmd-vel) a second unit has the control.
+    If --control is given (eq9, onboard, camera, true or cmd-vel), the controller becomes a second unit.
     """
     from rover_pin.onboard.fmi.controller import unit_of
     from rover_pin.onboard.fmi.plant import plant
@@ -154,7 +164,7 @@ def export_mjcf(
     out: Out = Path("out/mjcf"),
     as_json: AsJson = False,
 ) -> None:
-    """Write a rover for MuJoCo, and a program that drives it on its soil."""
+    """Write a rover as a model for MuJoCo, and a Python program that drives the rover on its soil there."""
     from rover_pin.onboard.mujoco.mjcf import TIMESTEP, drive_text, mjcf
     from rover_pin.scenarios.scenario import scenario as ready
 

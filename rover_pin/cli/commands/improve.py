@@ -14,11 +14,14 @@ log = logging.getLogger(__name__)
 
 def improve(
     data: Annotated[
-        Path, typer.Argument(help="Folder with drive.toml or rig.toml, or with the results of close-loop.")
+        Path, typer.Argument(help="Folder with drive.toml or rig.toml, or the results folder of close-loop.")
     ],
     study: Annotated[
         Path | None,
-        typer.Option(help="A tuning study's TOML file, with drives and free numbers; the usual grounds if not given."),
+        typer.Option(
+            help="TOML file of a tuning study, with its drives and the gains to tune; by default, drives on "
+            "slopes, hills and rocks and through ditches."
+        ),
     ] = None,
     effects: Effects = None,
     trust: Trusted = False,
@@ -26,10 +29,11 @@ def improve(
     out: Out = Path("out/improve"),
     as_json: AsJson = False,
 ) -> None:
-    """Tune the control on data, and predict the benefit. It closes the loop, and tunes over all models that remain.
+    """Tune the slip control for a measured rover or wheel, and predict the benefit.
 
-    It writes the model and its posterior (loop), the gains for `drive --set control.gains=` (control), and
-    improve.json. If no benefit is certain, the result states so.
+    The command runs close-loop on the data, and then tunes the gains over the models that remain possible. It writes
+    the model and its posterior (folder loop), the gains for `drive --set control.gains=FILE` (folder control), and
+    improve.json. If no benefit is certain, the result states this.
     """
     from rover_pin.base.trust import Trust
     from rover_pin.tuning.improve import improve as improved

@@ -1,4 +1,4 @@
-"""`rover-pin list`: lists the choices of a user, with unit, bounds, default and source of each number."""
+"""`rover-pin list`: prints what a user can choose, with unit, bounds, default and source of each number."""
 
 from enum import StrEnum
 from typing import Annotated
@@ -25,15 +25,22 @@ class What(StrEnum):
 
 
 def list_(
-    what: Annotated[What | None, typer.Argument(help="What to list; without it, the names of everything.")] = None,
+    what: Annotated[
+        What | None, typer.Argument(help="Kind of choice to list; by default the names of all kinds are listed.")
+    ] = None,
     name: Annotated[
-        str, typer.Argument(autocompletion=listed_names, help="One name, for its numbers; for settings, the scenario.")
+        str,
+        typer.Argument(
+            autocompletion=listed_names, help="Name of one entry, to print its numbers; for settings, a scenario."
+        ),
     ] = "",
     set_: Set = [],  # noqa: B006 - typer wants a list
     as_json: AsJson = False,
 ) -> None:
-    """List scenarios, soils, rovers, effects, experiments, samples or settings, with the package that an effect, soil
-    or experiment comes from. Each number has unit, default, bounds and source.
+    """List scenarios, soils, rovers, effects, experiments, samples or settings.
+
+    Each number is listed with its unit, default, bounds and source. If another installed package offers an effect, a
+    soil or an experiment, the name of this package is listed too.
     """
     from rover_pin.scenarios import catalogue
 
@@ -52,7 +59,7 @@ def list_(
             say(json_text({"settings": [catalogue.plain(setting) for setting in settings]}))
         else:
             numbers_table(settings)
-            say("\nChange them by --set NAME=VALUE, with or without a unit: soil.k=5mm, terrain.wall_angle=40deg.")
+            say("\nChange a setting by --set NAME=VALUE, such as --set soil.k=5mm or --set terrain.wall_angle=40deg.")
         return
     entries = listed_entries(what)
     if name:
@@ -63,7 +70,7 @@ def list_(
     if as_json:
         say(json_text({what.value: [entry.as_dict() for entry in entries]}))
     elif name:
-        # One name: its facts and its numbers. A fact that is empty says nothing, but a zero does.
+        # One name: its facts and its numbers. An empty fact is not printed, but a zero is a fact.
         (entry,) = entries
         say(f"{entry.name}: {entry.summary}")
         for fact_name, value in entry.facts.items():

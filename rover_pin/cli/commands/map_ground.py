@@ -30,7 +30,11 @@ from rover_pin.cli.terminal import drive_settings, stoppable
 
 def map_ground(
     scenario: Annotated[
-        str, typer.Argument(autocompletion=scenario_names, help="hills, grid (with --set terrain.path=dem.tif) ...")
+        str,
+        typer.Argument(
+            autocompletion=scenario_names,
+            help="Scenario that gives the terrain, such as hills, or grid with --set terrain.path=dem.tif.",
+        ),
     ],
     rover: RoverName = "",
     control: Control = "",
@@ -42,12 +46,13 @@ def map_ground(
     spacing: Annotated[
         str,
         typer.Option(
-            help="Distance between places [m]; by default the rover's length, or more for at most 200 places."
+            help="Distance between the places of the map [m]; by default the rover's length, or a longer distance that "
+            "gives about 200 places."
         ),
     ] = "0",
     headings: Annotated[int, typer.Option(help="Number of headings at each place; the worst result counts.")] = 8,
     box: Annotated[
-        str, typer.Option(help="X_FROM,X_TO,Y_FROM,Y_TO of the places [m]; all of the ground if not given.")
+        str, typer.Option(help="Mapped area as X_FROM,X_TO,Y_FROM,Y_TO [m]; by default the whole terrain.")
     ] = "",
     workers: Workers = 0,
     scheduler: Scheduler = "",
@@ -56,9 +61,11 @@ def map_ground(
     out: Out = Path("out/map"),
     as_json: AsJson = False,
 ) -> None:
-    """Map slip, energy per metre and P(stuck) over the ground. P(stuck) needs a folder of models; it can resume.
+    """Map the slip, the energy per metre and the probability of getting stuck over a terrain.
 
-    The rover drives straight on, so that --control must be one without turns: none, cmd-vel, eq9 ...
+    The probability needs a folder of models (--model); with one model, the map states only whether the rover gets
+    stuck. The rover drives straight ahead, so --control must be a controller without turns, such as none, cmd-vel or
+    eq9. If a map was stopped, the same command finishes it.
     """
     from rover_pin.base.quantity import parse_quantity
     from rover_pin.comparison.ground_map import MapSettings, ground_map
@@ -70,11 +77,13 @@ def map_ground(
     # An empty --box means the whole terrain.
     ends = tuple(parse_quantity(end, "m", "--box") for end in box.split(",") if box)
     if len(ends) not in (0, 4):
-        raise ParameterError(f"--box {box} is not allowed: give four ends, X_FROM,X_TO,Y_FROM,Y_TO, as 0,5,-2,2.")
+        raise ParameterError(
+            f"--box {box} is not allowed: give four limits X_FROM,X_TO,Y_FROM,Y_TO [m], such as 0,5,-2,2."
+        )
     places = MapSettings(parse_quantity(spacing, "m", "--spacing"), headings)
     if ends:
         places = replace(places, box=(ends[0], ends[1], ends[2], ends[3]))
-    # Without a model, the map holds for the settings alone; with a folder, each of its models is driven.
+    # Without --model, the map is made for the model of the settings; for a folder, each of its models is driven.
     files, allowed = models_of(model) if model else (), Trust.of(effects, trust)
     with stoppable():
         _, summary = ground_map(scenario, settings, files, out, places, allowed, workers or None, scheduler or None)

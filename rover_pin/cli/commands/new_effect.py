@@ -1,4 +1,4 @@
-"""`rover-pin new-effect`, `new-rover`: write the first files for a user's own effect, with its test, or own rover."""
+"""`rover-pin new-effect`, `new-rover`: write the first files of a user's own effect (with its test) or own rover."""
 
 import re
 from enum import StrEnum
@@ -24,12 +24,14 @@ class Acts(StrEnum):
 
 
 def new_effect(
-    name: Annotated[str, typer.Argument(help="The class's name, as StickySoil.")],
-    acts: Annotated[Acts, typer.Option(help="Where it acts.")] = Acts.CONTACT,
+    name: Annotated[str, typer.Argument(help="Class name of the effect, such as StickySoil.")],
+    acts: Annotated[
+        Acts, typer.Option(help="Part of the rover on which the effect acts: wheel contact, motor or body.")
+    ] = Acts.CONTACT,
     out: Out = Path("."),
     as_json: AsJson = False,
 ) -> None:
-    """Write a first version of your own effect, and its test. The test checks what every effect must fulfil."""
+    """Write a first version of your own effect, and a test that checks what every effect must fulfil."""
     from importlib.resources import files
 
     from rover_pin.base.files.whole_file import replace_file
@@ -45,22 +47,25 @@ def new_effect(
         out / f"{stem}.py": first_version(name, acts.value).text,
         out / f"test_{stem}.py": test.substitute(Name=name, file=f"{stem}.py"),
     }
-    # Both files are checked before one is written, so that no half of the pair is left.
+    # Neither file is written if one of them exists, so that an effect never gets the test of another effect.
     for file in texts:
         if exists(file):
-            raise ParameterError(f"{file}: this file exists: take another name, or another folder by --out.")
+            raise ParameterError(
+                f"{file}: this file exists already: take another name, or name another folder with --out."
+            )
     paths = [str(replace_file(file, text)) for file, text in texts.items()]
     then = [f"pytest {shell_word(Path(paths[1]))}", f"rover-pin close-loop DATA --effects {shell_word(Path(paths[0]))}"]
     report({"files": paths, "next": then}, as_json)
 
 
 def new_rover(
-    urdf: Annotated[Path, typer.Argument(help="A rover's .urdf, or a .xacro.")],
+    urdf: Annotated[Path, typer.Argument(help="URDF of the rover (.urdf or .xacro).")],
     out: NamedOut = None,
     front: Annotated[
         str,
         typer.Option(
-            metavar="AXIS", help="The base link's axis that points forward, as -x; else the wheels' names decide."
+            metavar="AXIS",
+            help="Axis of the base link that points forward, such as -x; by default the names of the wheels decide.",
         ),
     ] = "",
     radius: Radius = "",
@@ -68,9 +73,10 @@ def new_rover(
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Propose the roles of a URDF's joints. Writes a TOML with every guess marked, and a picture with names.
+    """Propose the rover's TOML file for a URDF. The proposal states which joints are wheels, steering or suspension.
 
-    The TOML is written next to the URDF by default. Exit code 1: the rover has faults.
+    Every guess in the TOML file is marked, and a picture shows the rover with the names of its links. By default, the
+    files are written next to the URDF. Exit code 1: the rover has faults.
     """
     from rover_pin.base.quantity import parse_quantity
     from rover_pin.base.trust import Trust
@@ -87,7 +93,7 @@ def new_rover(
     facts = {
         "wheels": wheels,
         "wheel": f"r = {size.r:.3g} m, b = {size.b:.3g} m, from {size.source}",
-        "steering": steering or "none: it turns by its sides' speeds",
+        "steering": steering or "none: the rover turns by different speeds of its two sides",
         "suspension": {name: " ".join(joints) for name, joints in proposal.suspension.items()} or "none",
         "differential": proposal.differential or "none",
         "coupled": {joint: f"{ratio:+g} {leader}" for joint, (leader, ratio) in proposal.coupled.items()} or "none",

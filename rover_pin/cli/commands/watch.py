@@ -13,7 +13,7 @@ from rover_pin.cli.terminal import stoppable
 
 
 def watch(
-    log: Annotated[Path, typer.Argument(help="The folder of a drive log.")],
+    log: Annotated[Path, typer.Argument(help="Folder of a drive log.")],
     run: Run = "",
     model: ModelFile = None,
     effects: Effects = None,
@@ -21,7 +21,10 @@ def watch(
     out: Out = Path("out/watch"),
     as_json: AsJson = False,
 ) -> None:
-    """Print when a logged drive was about to get stuck or buried, and why. watch.csv has every sample."""
+    """Run the onboard monitor on a recorded drive, and print when the rover was about to get stuck or buried, and why.
+
+    The file watch.csv holds the forecast of the monitor at every sample.
+    """
     import pandas as pd
 
     from rover_pin import plot
@@ -59,7 +62,8 @@ def watch(
         f"{begin:.2f} to {end:.2f} s: {cause}, P(stuck) up to {p_stuck:.2f}, P(buried) up to {p_buried:.2f}"
         for begin, end, p_stuck, p_buried, cause in alarms(forecasts)
     ]
-    # A forecast holds for the soil, the motors and the resistance of the model only, so that undeclared ones are named.
+    # A forecast holds only for the soil, motor and resistance of the model, so constants that the log does not declare
+    # are named.
     records = {
         "soil": watched_model.soils[0],
         "motor": watched_model.motor,
