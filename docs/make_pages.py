@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import importlib
 import inspect
+import itertools
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -69,18 +70,25 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 
 
 def on_page_content(html: str, **_: Any) -> str:
-    """Keep an option in one piece where a line of code is wrapped: browsers break a line after a hyphen."""
+    """Keep an option in one piece where a line of code is wrapped: browsers break a line after a hyphen. Let browsers
+    break a path or the name of a module after a slash or a dot, so that a narrow table does not cut its words.
+    """
     option = r"(?<![\w&;-])(--?[a-z][\w-]*)"
     code = re.compile(r"(<code[^>]*>)(.*?)(</code>)", re.DOTALL)
-    return code.sub(lambda found: found[1] + _marked(option, found[2]) + found[3], html)
-
-
-def _marked(pattern: str, html: str) -> str:
-    """Mark what is found in the text between tags."""
-    parts = re.split(r"(<[^>]+>)", html)
-    return "".join(
-        part if part.startswith("<") else re.sub(pattern, r'<span class="option">\1</span>', part) for part in parts
+    html = code.sub(
+        lambda found: found[1] + _marked(option, r'<span class="option">\1</span>', found[2]) + found[3], html
     )
+    separator = r"(?<=[a-z_])([/.])(?=[a-z_]{2})"
+    outside_blocks = re.compile(r"<pre.*?</pre>|<code[^>]*>.*?</code>", re.DOTALL)
+    return outside_blocks.sub(
+        lambda found: found[0] if found[0].startswith("<pre") else _marked(separator, r"\1<wbr>", found[0]), html
+    )
+
+
+def _marked(pattern: str, mark: str, html: str) -> str:
+    """Replace what is found in the text between tags."""
+    parts = re.split(r"(<[^>]+>)", html)
+    return "".join(part if part.startswith("<") else re.sub(pattern, mark, part) for part in parts)
 
 
 def _entries(title: str, entries: list[Any], command: str) -> str:
@@ -182,14 +190,25 @@ def _public_names() -> dict[str, dict[str, str]]:
 def _first_sentence(thing: Any) -> str:
     """Return the first sentence of the docstring of a class or function; constants and types have no docstring."""
     if not (inspect.isclass(thing) or inspect.isfunction(thing)):
-        return "a constant or a type"
+        return ""
     paragraph = " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
     return re.split(r"\.(?:\s|$)", paragraph)[0]
 
 
+def _said_below(module: str, name: str) -> str:
+    """Return the first sentence of the text that stands below the assignment of a constant in its module."""
+    body = ast.parse(inspect.getsource(importlib.import_module(module))).body
+    for assignment, below in itertools.pairwise(body):
+        targets = assignment.targets if isinstance(assignment, ast.Assign) else [getattr(assignment, "target", None)]
+        is_text = isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
+        if is_text and name in {getattr(target, "id", "") for target in targets}:
+            return re.split(r"\.(?:\s|$)", " ".join(str(below.value.value).split()))[0]
+    return ""
+
+
 def _api() -> dict[str, str]:
     """Return the pages of the Python reference: a table of all names, and one page for each room of the package."""
-    rows = ["| Name | Imported from | What it is |", "| --- | --- | --- |"]
+    rows = ["| Name, imported from | What it is |", "| --- | --- |"]
     pages = {}
     for room, names in _public_names().items():
         said = inspect.getdoc(importlib.import_module(f"rover_pin.{room}")) or ""
@@ -198,7 +217,8 @@ def _api() -> dict[str, str]:
         for path, source in names.items():
             module, _, name = path.rpartition(".")
             thing = getattr(importlib.import_module(module), name)
-            rows.append(f"| [`{name}`](api/{room}.md#{path}) | `{source}` | {_plain(_first_sentence(thing))} |")
+            said = _plain(_first_sentence(thing) or _said_below(module, name) or "a constant")
+            rows.append(f"| [`{name}`](api/{room}.md#{path})<br>from `{source}` | {said} |")
     introduction = (
         "# Python\n\nThe names that `rover_pin` itself has are loaded on first use. All other names are imported from "
         "their own modules, as [the examples](python.md) show. Each room of the package has its page. The search field "
@@ -248,7 +268,8 @@ def _examples() -> str:
 
     group, rows = typer.main.get_group(app), ["| What it does | CPU s |", "| --- | --- |"]
     for line, seconds in kept("times").set_index("command").cpu_s.items():
-        said = _plain(re.split(r"\.(?:\s|$)", group.commands[line.split()[1]].help or "")[0])
+        paragraph = " ".join((group.commands[line.split()[1]].help or "").split())  # a row of a table is one line
+        said = _plain(re.split(r"\.(?:\s|$)", paragraph)[0])
         rows.append(f"| {said}<br>`{line}` | {significant(seconds, 2 if seconds >= 1 else 1)} |")
     return "\n".join(rows)
 

@@ -1,4 +1,6 @@
-"""The site in a browser, on a phone and on a desk: nothing is wider than the screen, and every equation is typeset."""
+"""The site in a browser, on a phone and on a desk: nothing is wider than the screen, every equation is typeset and does
+not overlap its number, and the letters in pictures are large enough to be read.
+"""
 
 import json
 import re
@@ -22,10 +24,17 @@ async function look(page, width) {
   await new Promise((done) => { frame.onload = done; });
   await wait(300);
   const root = frame.contentDocument, count = (what) => root.querySelectorAll(what).length;
+  const edge = (thing, side) => thing.getBoundingClientRect()[side];
+  const numbered = [...root.querySelectorAll(".katex-html:has(> .katex-tag)")];
+  const overlaps = (line) => edge(line.querySelector(":scope > .katex-tag"), "left")
+    < Math.max(...[...line.querySelectorAll(":scope > .katex-base")].map((part) => edge(part, "right")));
+  const shown = [...root.images].filter((each) => each.naturalWidth > 400);
   const loaded = frame.contentWindow.performance.getEntriesByType("resource").map((each) => each.name);
   const seen = {
     page, width, wide: root.documentElement.scrollWidth - root.documentElement.clientWidth,
     equations: count(".arithmatex"), typeset: count(".arithmatex .katex"), wrong: count(".katex-error"),
+    numbered: numbered.length, overlapped: numbered.filter(overlaps).map((line) => line.textContent),
+    small: shown.filter((each) => each.width < 0.5 * each.naturalWidth).map((each) => each.src),
     broken: [...root.images].filter((each) => each.complete && !each.naturalWidth).map((each) => each.src),
     foreign: loaded.filter((each) => each.startsWith("http")), search: count(".md-search__input"),
   };
@@ -70,6 +79,18 @@ def test_no_page_is_wider_than_its_screen(pages):
 def test_every_equation_is_typeset_without_a_network(pages):
     assert sum(page["equations"] for page in pages if page["page"] == "paper.html") > 2 * 9
     assert not [page for page in pages if page["typeset"] != page["equations"] or page["wrong"] or page["foreign"]]
+
+
+@pytest.mark.nightly
+def test_no_number_of_an_equation_overlaps_it(pages):
+    assert min(page["numbered"] for page in pages if page["page"] == "paper.html") == 9
+    assert not [(page["page"], page["width"], page["overlapped"]) for page in pages if page["overlapped"]]
+
+
+@pytest.mark.nightly
+def test_pictures_are_not_shrunk_until_nobody_can_read_them(pages):
+    """A picture has letters of 11 pixels or more in its own size."""
+    assert not [(page["page"], page["width"], page["small"]) for page in pages if page["small"]]
 
 
 @pytest.mark.nightly

@@ -229,13 +229,16 @@ class _SideView(_View):
         self.side = max("lr", key=lambda side: (float(np.ptp(ground[side])), side == "l"))
         tops = [float(pose.q[2]) for pose in instants] + [float(centres[..., 2].max()) + r]
         self.top = max(tops) + 0.3 * r
+        # The times stand in two lines above the rover. The distance of the lines is at least the height of a letter.
+        metres_per_inch = (self.span[1] - self.span[0]) / (WIDTH - MARGINS[0] - MARGINS[1])
+        self.line = max(0.9 * r, LINE * metres_per_inch)
         lowest = min(float(profile.min()) for profile in ground.values())
         # The drawing is true only if the profile at the mean y is close to the ground under the wheels everywhere.
         drawn = centres[:, of_side(model.rover, self.side)]
         under = model.terrain.height(drawn[..., 0], drawn[..., 1])
         profile = model.terrain.height(drawn[..., 0], np.full(drawn.shape[:-1], self.y[self.side]))
         self.shows_ground_under_wheels = bool(np.max(np.abs(under - profile)) < 0.25 * r)
-        super().__init__((self.span[0], lowest - 0.05), (self.span[1], self.top + 2.2 * r + 0.05))
+        super().__init__((self.span[0], lowest - 0.05), (self.span[1], self.top + 2.2 * self.line + 0.05))
 
     def draw(self, axes: Axes) -> None:
         """Draw the terrain, the rover at each moment, and the times of the moments."""
@@ -259,7 +262,7 @@ class _SideView(_View):
             line = 1 - line if abs(x - last) < 0.09 * width else 0
             last = x
             when = end if len(group) == 1 else f"{group[0].t:.1f} to {end}"
-            axes.text(x, self.top + 0.9 * _radius(rover) * line, when, ha="center", va="bottom", fontsize=FONT)
+            axes.text(x, self.top + self.line * line, when, ha="center", va="bottom", fontsize=FONT)
         self.frame(axes, ("x", "z"))
         side_name = "left" if self.side == "l" else "right"
         axes.text(
@@ -298,6 +301,8 @@ class _AboveView(_View):
         middles = np.array([pose.centres[:, :2].mean(axis=0) for pose in self.instants])
         overlaps = (np.abs(middles[:, None] - middles) < spacing).all(axis=-1)
         places = []
+        # A label must not leave the drawing. At the right, there is room for a joined label, which is wider.
+        lowest, highest = np.array(self.low) + 0.5 * spacing, np.array(self.high) - spacing
         for pose, close, middle in zip(self.instants, overlaps, middles, strict=True):
             place = middle
             if close.sum() > 1:
@@ -307,7 +312,7 @@ class _AboveView(_View):
                 ahead = np.array([left[1], -left[0]])
                 foremost = float(((pose.centres[:, :2] - middle) @ ahead).max())
                 place = middle + ahead * (foremost + 1.6 * _radius(self.model.rover))
-            places.append(place)
+            places.append(np.clip(place, lowest, highest))
         # Labels that would overlap become one label, which lists or spans their times.
         groups: list[list[int]] = []
         for number, place in enumerate(places):
@@ -320,9 +325,7 @@ class _AboveView(_View):
             times = [f"{self.instants[number].t:.1f}" for number in group]
             is_run = group == [*range(group[0], group[-1] + 1)]
             text = f"{times[0]} to {times[-1]}" if is_run else ", ".join(times)
-            # The label must not leave the drawing.
-            within = np.clip(places[group[-1]], np.array(self.low) + spacing, np.array(self.high) - spacing)
-            yield within, f"{text if len(group) > 1 else times[0]} s"
+            yield places[group[-1]], f"{text if len(group) > 1 else times[0]} s"
 
 
 def _radius(rover: Rover) -> float:

@@ -5,6 +5,7 @@ The lists come from the code itself, so that a new scenario, soil or effect is l
 
 import inspect
 import math
+import re
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -179,7 +180,11 @@ def first_line(thing: Any) -> str:
 def first_sentence(thing: Any) -> str:
     """Return the first line of the docstring of a module, class or function, as a description for a list.
 
-    The full stop and a leading 'Return' are removed, and the first letter becomes a capital letter.
+    If this line ends within a sentence, the description is the whole first sentence of the docstring instead. The full
+    stop and a leading 'Return' are removed, and the first letter becomes a capital letter.
     """
-    sentence = first_line(thing).removeprefix("Return ")
+    paragraph = (inspect.getdoc(thing) or "").split("\n\n")[0]
+    ends_here = paragraph.split("\n")[0].endswith(".")
+    sentence = first_line(thing) if ends_here else re.split(r"\.(?:\s|$)", " ".join(paragraph.split()))[0]
+    sentence = sentence.removeprefix("Return ")
     return sentence[:1].upper() + sentence[1:]
