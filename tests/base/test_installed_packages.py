@@ -2,8 +2,10 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -56,11 +58,13 @@ class Joint(MotorBrake):
 
     file = "joint.toml"
 '''
+PAGE = (Path(__file__).parents[2] / "docs" / "own-package.md").read_text(encoding="utf-8")
+(PYPROJECT,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
 OFFERS = {
-    "rover_pin.effects": "ClayGrip = clay_laws:ClayGrip",
-    "rover_pin.soils": "red-clay = clay_laws:RedClay",
-    "rover_pin.experiments": "joint = clay_laws:Joint",
+    group: "\n".join(f"{name} = {place}" for name, place in entries.items())
+    for group, entries in tomllib.loads(PYPROJECT)["project"]["entry-points"].items()
 }
+"""Group -> entry points, as the page prints them."""
 
 
 def install(folder, code=CODE, offers=OFFERS, name="clay-laws", module="clay_laws"):
