@@ -22,9 +22,13 @@ ROOT = Path(__file__).parents[1]
 
 
 def wanted() -> list[str]:
-    """Return the requirements of pyproject.toml, with all extras. The project itself is left out."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    lists = [project["dependencies"], *project["optional-dependencies"].values()]
+    """Return the requirements of pyproject.toml, with all extras and with what builds the package. The project itself
+    is left out.
+    """
+    document = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    project, build = document["project"], document["build-system"]["requires"]
+    # Hatchling needs the package editables for `pip install -e`. Without build isolation, pip does not install either.
+    lists = [build, ["editables"], project["dependencies"], *project["optional-dependencies"].values()]
     return sorted({line for lines in lists for line in lines if not line.startswith("rover-pin")})
 
 
