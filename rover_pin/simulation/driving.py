@@ -13,7 +13,7 @@ from rover_pin.simulation.command import Command, Controller, Reading
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.failure import failure
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.native.control import commands_of
+from rover_pin.simulation.native.control import CompiledController, commands_of
 from rover_pin.simulation.native.loop import Loop, LoopStatus
 from rover_pin.simulation.state import Checkpoint, DriveState
 from rover_pin.simulation.stepping.pace import FINEST, AdjustableStepper
@@ -115,22 +115,10 @@ def questions(
     the generator for the next reading. At the end the generator returns the result of the drive. If the controller is
     part of the compiled loop, no reading is yielded.
     """
-    timing = drive.timing
-    per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
-    assert isinstance(drive.stepper, Kernel)
-    # A controller of the package is translated into fields of the loop; None: the controller has to be called from
-    # Python.
-    native = commands_of(drive.controller, len(drive.model.rover.wheels), len(drive.stepper.servo_wheels))
-    # Count the control instants of this drive. A continued drive begins at the step `first`, which need not be a
-    # control instant.
-    steps, first = max(1, round(duration / timing.dt)), drive.checkpoint.steps if drive.checkpoint else 0
-    samples = math.ceil((first + steps) / per_control) - math.ceil(first / per_control)
-    loop_fields: dict[str, Any] = {} if native is None else native.fields(drive.stepper, samples)
-    if drive.followed is not None:
-        loop_fields["followed"] = np.append(drive.followed, 0.0)  # the 0 marks the end in C
-    loop = Loop(drive.stepper, timing.dt, steps, per_sample, per_control=per_control, rough=timing.rough, **loop_fields)
+    loop, native = loop_of(drive, duration)
     # Reserve memory for the lengths of all steps of one call of the loop, each divided as finely as possible.
-    loop.keep_history(MAX_STEPS_PER_FOLLOWED * FINEST * min(steps, ROWS_PER_PROGRESS * per_sample))
+    steps = min(loop.struct.steps, ROWS_PER_PROGRESS * loop.struct.per_sample)
+    loop.keep_history(MAX_STEPS_PER_FOLLOWED * FINEST * steps)
     if native is None:
         loop.ask()
     if drive.checkpoint:
@@ -150,8 +138,28 @@ def questions(
             stop = stop_reason(status, drive.state.t)
         elif progress and loop.row % ROWS_PER_PROGRESS == 0:
             progress(drive.state.t)
-    drive.stepper.keep_history(None)
+    loop.kernel.keep_history(None)
     return LoopResult(loop.rows[: loop.row], stop or "duration", loop.checkpoint, np.concatenate(lengths))
+
+
+def loop_of(drive: RunningDrive, duration: float) -> tuple[Loop, CompiledController | None]:
+    """Return the compiled loop of a drive that lasts `duration` [s], and the controller that runs within this loop.
+    The controller is None if it has to be called from Python.
+    """
+    timing = drive.timing
+    per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
+    assert isinstance(drive.stepper, Kernel)
+    native = commands_of(drive.controller, len(drive.model.rover.wheels), len(drive.stepper.servo_wheels))
+    # Count the control instants of this drive. A continued drive begins at the step `first`, which need not be a
+    # control instant.
+    steps, first = max(1, round(duration / timing.dt)), drive.checkpoint.steps if drive.checkpoint else 0
+    samples = math.ceil((first + steps) / per_control) - math.ceil(first / per_control)
+    fields: dict[str, Any] = {} if native is None else native.fields(drive.stepper, samples)
+    if drive.followed is not None:
+        fields["followed"] = np.append(drive.followed, 0.0)  # the 0 marks the end in C
+    return Loop(
+        drive.stepper, timing.dt, steps, per_sample, per_control=per_control, rough=timing.rough, **fields
+    ), native
 
 
 def stop_reason(status: int, t: float) -> str:

@@ -23,6 +23,13 @@ def source() -> str:
     return "".join(f'#line 1 "{name}"\n{file_text(name)}' for name in FILES)
 
 
+def step_source() -> str:
+    """Return the C source of the step without the vector functions of the laws (lanes.h), for its translation to dual
+    numbers.
+    """
+    return "".join(file_text(name) for name in FILES if name != "lanes.h")
+
+
 def file_text(name: str) -> str:
     """Return the C code of one of the FILES: the content of the file, or for shared.py the declarations that it
     generates.

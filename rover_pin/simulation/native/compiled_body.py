@@ -104,18 +104,21 @@ def compiled_body(keyed_model: KeyedModel) -> CompiledBody:
 
 def body_source(model: pin.Model) -> tuple[str, str]:
     """Return the C source of a model's rigid-body dynamics, and the name of the C function in it."""
-    during = _rigid_body_laws(tree_of(model).joints, model.nq, model.nv)[1]
+    during = rigid_body_laws(tree_of(model).joints, model.nq, model.nv)[1]
     return generated_source(during, name="body"), during.name()
 
 
 @lru_cache(maxsize=64)
-def _rigid_body_laws(joints: tuple[Joint, ...], nq: int, nv: int) -> tuple[ca.Function, ca.Function]:
+def rigid_body_laws(joints: tuple[Joint, ...], nq: int, nv: int) -> tuple[ca.Function, ca.Function]:
+    """Return the rigid-body dynamics of a kinematic tree as two CasADi functions: the constants that depend on masses
+    and lengths only, and the rest (`split_law`).
+    """
     return split_law(rigid_body(joints, nq, nv), nq + nv + 3)
 
 
 @lru_cache(maxsize=64)
 def _compile_body(joints: tuple[Joint, ...], nq: int, nv: int) -> tuple[ctypes.CDLL, ca.Function, ca.Function]:
-    before, during = _rigid_body_laws(joints, nq, nv)
+    before, during = rigid_body_laws(joints, nq, nv)
     return shared_library(generated_source(during), "rigid_body"), before, during
 
 

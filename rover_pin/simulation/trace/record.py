@@ -100,6 +100,19 @@ def trace_of(model: Model, rows: np.ndarray, attrs: Mapping[str, Any]) -> Trace:
     """
     if not len(rows):
         return Trace({"t_s": np.zeros(0)}, {"t_s": "s"}, {**model_attrs(model), **attrs})
+    channels, units = channels_of(model, rows)
+    channels["body_yaw"] = np.unwrap(channels["body_yaw"])
+    if model.body_effects:
+        channels["energy_elastic"], units["energy_elastic"] = elastic_energies(model, rows), "J"
+    return Trace(channels, units, {**model_attrs(model), **attrs})
+
+
+def channels_of(model: Model, rows: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Return all channels of a trace that are numbers of the rows, and their units. If `rows` are derivatives of rows,
+    the channels are derivatives of channels.
+
+    Two channels need more: `trace_of` makes the yaw continuous, and adds the energy of springs.
+    """
     channels: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
 
@@ -120,8 +133,7 @@ def trace_of(model: Model, rows: np.ndarray, attrs: Mapping[str, Any]) -> Trace:
     for i, axis in enumerate("xyz"):
         put(f"body_{axis}", "m", q[:, i])
     for i, name in enumerate(("roll", "pitch", "yaw")):
-        angle = rows["attitude"][:, i]
-        put(f"body_{name}", "rad", angle if name != "yaw" else np.unwrap(angle))
+        put(f"body_{name}", "rad", rows["attitude"][:, i])
     for i, axis in enumerate("xyz"):
         put(f"body_v{axis}", "m/s", rows["velocity"][:, i])
     put("battery_V", "V", record[:, 0, RECORD.index("supply")])
@@ -133,12 +145,14 @@ def trace_of(model: Model, rows: np.ndarray, attrs: Mapping[str, Any]) -> Trace:
         put("differential_torque", "N m", rows["differential"])
     put("energy_kinetic", "J", rows["mechanical"][:, 0])
     put("energy_potential", "J", rows["mechanical"][:, 1])
-    if model.body_effects:
-        # Springs of body effects store a part of `energy_body`.
-        stored = elastic_energy(model.body_effects, joints_of(model.rover))
-        places = suspension_places(model.rover)
-        put("energy_elastic", "J", np.array(stored.map(len(q))(q[:, :7].T, q[:, places].T)).ravel())
-    return Trace(channels, units, {**model_attrs(model), **attrs})
+    return channels, units
+
+
+def elastic_energies(model: Model, rows: np.ndarray) -> np.ndarray:
+    """Return the energy [J] that the springs of the body effects store at each row. It is a part of `energy_body`."""
+    stored = elastic_energy(model.body_effects, joints_of(model.rover))
+    q, places = rows["q"], suspension_places(model.rover)
+    return np.array(stored.map(len(q))(q[:, :7].T, q[:, places].T)).ravel()
 
 
 def model_attrs(model: Model) -> dict[str, Any]:
