@@ -38,12 +38,12 @@ unit.
 
 Drives are reproducible to about 1e-14 of a channel, and derivatives change noticeably if a number changes by about 1e-4
 of its value. The width lies between these two limits."""
-INPUT_WIDTH = 3e-5
+INPUT_WIDTH = 1e-4
 """Width of the differences that give the derivatives of a drive's inputs, as a fraction of the number; if the number is
 0, in the number's unit.
 
 The inputs (constants of soil and rover, state at rest, control law) are reproducible to about 1e-14 and are smoother
-functions of a number than the drive is, so that a width larger than RELATIVE_WIDTH is more accurate: about 1e-9."""
+functions of a number than the drive is, so that a width larger than RELATIVE_WIDTH is more accurate: about 1e-8."""
 FIXED = ("dt", "duration")
 """Settings without a sensitivity, because no channel depends on them if the time steps are fixed."""
 

@@ -178,6 +178,68 @@ def test_rows_that_a_drive_beside_does_not_reach_are_no_numbers():
     assert not missing[: -missing.sum()].any()
 
 
+EVENTS = {
+    "the rover meets edges and stops in the ditch": ("ditch", {"duration": 12.0, "soil": "table-1"}, "soil.phi"),
+    "duties reach and leave their limit": (
+        "incline",
+        {"duration": 4.0, "control": "true", "control.S_d": 0.05},
+        "control.k_i",
+    ),
+    "a torque limit": ("bump", {"duration": 4.0, "control": "limit"}, "soil.k"),
+    "a wheel is buried": (
+        "incline",
+        {"add": "DiggingMemory.c_d=0.1", "terrain.angle_deg": 7.0, "soil": "table-1", "duration": 30.0},
+        "soil.n",
+    ),
+    "a mass, which the rigid body carries": ("step", {"add": "PointMass.m=0.4", "duration": 4.0}, "effect.PointMass.m"),
+    "springs of the body store energy": ("bump", {"add": "DifferentialCompliance", "duration": 4.0}, "soil.k"),
+}
+"""Event that a drive has -> name, settings and number."""
+
+
+@pytest.mark.parametrize("event", EVENTS)
+def test_tangents_across_the_events_of_a_drive(event):
+    name, settings, number = EVENTS[event]
+    trace, slopes = sensitivities(name, [number], **settings)
+    slope, course = slopes[number], course_of(scenario(name, **settings), trace)
+    assert slope.tangent
+    assert not any(error.any() for error in slope.errors.values())
+    # Narrow differences have the round-off of the state at rest, wide ones reach the next event.
+    off = []
+    for width in (6.0 * WIDTH, 2.0 * WIDTH):
+        near = reference(name, settings, number, slope.value, course, width * abs(slope.value))
+        off.append(max(shares(trace, slope, {name: slope[name] - near[name] for name in slope.channels}).values()))
+    assert min(off) < NEAR, off
+    assert np.abs(slope["body_x"]).max() > 0.0
+
+
+def test_twelve_numbers_together_have_the_tangents_that_they_have_alone():
+    """More numbers than a dual number holds: two drives."""
+    numbers = [*NUMBERS, "terrain.wall_angle", "control.delta"]
+    _, together = sensitivities("ditch", numbers, duration=3.0)
+    _, alone = sensitivities("ditch", ["control.delta"], duration=3.0)
+    assert len(together) == 12
+    assert all(slope.tangent for slope in together.values())
+    for channel, values in alone["control.delta"].channels.items():
+        np.testing.assert_allclose(together["control.delta"][channel], values, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("settings", "widths"),
+    [({"control": "onboard"}, {}), ({"control": lambda reading: 0.5}, {}), ({}, {"soil.phi": 1e-4})],
+    ids=["on-board estimate", "controller in Python", "a width"],
+)
+def test_where_there_is_no_tangent_the_slope_is_a_difference(settings, widths):
+    _, slopes = sensitivities("incline", ["soil.phi"], widths=widths, duration=2.0, **settings)
+    assert not slopes["soil.phi"].tangent
+    assert slopes["soil.phi"].errors["body_x"].max() > 0.0
+    # Both are the derivative of the same drive where the controller does not depend on the drive.
+    if settings.get("control") != "onboard":
+        _, tangents = sensitivities("incline", ["soil.phi"], duration=2.0, control="none", **{"control.delta": 0.5})
+        same = tangents if settings else sensitivities("incline", ["soil.phi"], duration=2.0)[1]
+        assert slopes["soil.phi"]["body_x"] == pytest.approx(same["soil.phi"]["body_x"], rel=1e-4, abs=1e-9)
+
+
 @pytest.mark.parametrize("number", ["soil.q", "terrain.wall_angle_deg", "control", "duration", "dt"])
 def test_what_is_no_number_of_the_drive_is_refused(number):
     with pytest.raises(ParameterError, match=f"'{number}'"):
