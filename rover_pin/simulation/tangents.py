@@ -258,9 +258,7 @@ def dual_library() -> ctypes.CDLL:
     handle.rover_pin_sizes.argtypes = [ctypes.c_void_p]
     handle.rover_pin_sizes.restype = None
     # Structs of unequal sizes would make the C code read and write the wrong memory.
-    assert step_layout(handle).drive == ctypes.sizeof(_DriveStruct), (
-        "compiler and ctypes lay out Drive differently"
-    )
+    assert step_layout(handle).drive == ctypes.sizeof(_DriveStruct), "compiler and ctypes lay out Drive differently"
     return handle
 
 
