@@ -33,7 +33,7 @@ def case(loss=0.0, **settings):
 
 
 def outcome(case):
-    """Out, stuck, or open where half the step tells another story."""
+    """Return "out" or "stuck", or "open" if the drive with half the step has another outcome."""
     both = {
         bool(np.any(dataclasses.replace(case, timing=timing).drive()["body_x"] > OUT_AT))
         for timing in (case.timing, case.timing.with_half_step())
@@ -58,7 +58,7 @@ def test_going_down_the_velocity_increases_temporarily(bare):
 
 
 def test_the_vehicle_loses_its_velocity_at_about_7_seconds(bare):
-    """Where the rover starts is not given; with the lip 0.5 m ahead of the base it is 8.0 s."""
+    """The paper does not state the start of the rover. With the lip 0.5 m ahead of the base, the time is 8.0 s."""
     lost = bare.t[np.flatnonzero((bare.t > 5.0) & (bare["body_vx"] < 0.002))[0]]
     assert lost == pytest.approx(7.0, abs=1.5)
 
@@ -91,7 +91,7 @@ def test_with_slip_control_the_rover_goes_out_with_table_1(settings):
 @pytest.mark.parametrize(("k", "wall"), [(0.025, 33.0), (0.010, 42.0)])
 @pytest.mark.parametrize("settings", [{"control": "true"}, {"control": "true", **TUNED}, {"control": "eq9"}])
 def test_no_slip_control_rescues_where_f_rises_with_the_slip(k, wall, settings):
-    """Just above the walls that constant duty passes; the study's map shows many more cases."""
+    """The walls are just above those that constant duty passes. The map of the study shows many more cases."""
     sand = {"soil.k": k, "cruise_slip": 0.05, "terrain.wall_angle_deg": wall}
     assert outcome(case(duration=40.0, **sand)) == "stuck"
     controlled = case(duration=40.0, **sand, **settings)
@@ -106,7 +106,9 @@ def test_slip_control_can_lose_a_drive_that_constant_duty_wins():
 
 @pytest.mark.slow
 def test_ditch_story_holds_with_strength_loss_past_the_peak():
-    """With half of the shear lost, walls of 47 deg and the true slip; Eq (2) has no such loss."""
+    """The sand loses half of its shear strength, which Eq (2) does not describe; the walls have 47 deg, and the true
+    slip is known.
+    """
     without, controlled = (
         case(0.5, duration=30.0, **LOSING),
         case(0.5, duration=30.0, control="true", **TUNED, **LOSING),
@@ -134,7 +136,9 @@ TIGHT = {**LOSING, "terrain.wall_angle_deg": 38.0, "effect.MotionResistance.R": 
 
 @pytest.mark.slow
 def test_the_story_comes_out_on_a_sand_that_digs_too():
-    """'avoiding soil failure', 'without digging the soil or being stuck': buried without, out with the true slip."""
+    """'avoiding soil failure', 'without digging the soil or being stuck': the rover is buried without control, and gets
+    out with the true slip.
+    """
     without, controlled = case(0.5, **DIGGING), case(0.5, control="true", **TUNED, **DIGGING)
     assert outcome(without) == "stuck"
     assert without.drive().attrs["stop"].startswith("buried: wheel")
@@ -143,7 +147,7 @@ def test_the_story_comes_out_on_a_sand_that_digs_too():
 
 
 def test_ditch_story_holds_with_own_slip_and_more_resistance():
-    """'S_d = 0.1 is given as a control command': with R = 0.1, and the other gains as assumed."""
+    """'S_d = 0.1 is given as a control command': the result needs R = 0.1, with the other gains as assumed."""
     assert outcome(case(0.5, **TIGHT)) == "stuck"
     assert outcome(case(0.5, control="true", **TIGHT)) == "out"
 
@@ -154,7 +158,9 @@ def test_ditch_story_holds_on_digging_sand_with_the_papers_slip():
 
 @pytest.mark.xfail(strict=True, reason="walls of 46 deg, not 45: stuck, but not buried; it stands at a small slip")
 def test_where_wheels_dig_it_leaves_walls_of_46_degrees():
-    """It came out while the rim of a hole faded below 5 mm/s of travel."""
+    """The rover got out of these walls only while the model let the rim of a hole fade below a travel speed
+    of 5 mm/s.
+    """
     assert outcome(case(0.5, control="true", **{**TUNED, **DIGGING, "terrain.wall_angle_deg": 46.0})) == "out"
 
 

@@ -26,7 +26,7 @@ def factor(S, form, **changes):
 
 
 def contradicts(form, measured):
-    """The form of this name, marked as a disagreement with the paper and what was measured."""
+    """Return the form of this name, marked as a disagreement with the paper, with the measured value."""
     return pytest.param(FORMS[form], marks=pytest.mark.xfail(strict=True, reason=measured), id=form)
 
 
@@ -34,7 +34,9 @@ def contradicts(form, measured):
     ("form", "at_0", "at_1"), [("net", -0.1642, 0.0012), ("torque", 0.0176, 0.1824), ("gross", 0.0172, 0.1791)]
 )
 def test_table_1_to_the_letter_gives_these_factors(form, at_0, at_1):
-    """Frozen from the oracle's sum (see the next test), so that the contradiction stays visible."""
+    """The factors are frozen from the sum of the oracle (see the next test), so that the contradiction
+    remains visible.
+    """
     assert factor(0.0, FORMS[form]) == pytest.approx(at_0, abs=5e-5)
     assert factor(1.0, FORMS[form]) == pytest.approx(at_1, abs=5e-5)
 
@@ -56,14 +58,14 @@ def test_fig_6_increasing_trend_according_to_the_slip_ratio(form, k):
 
 @ALL_FORMS
 def test_fig_3_is_a_family_over_k(form):
-    """A stiffer soil (smaller k) gives more traction at every slip."""
+    """A smaller k (a stiffer soil) gives more traction at every slip."""
     family = np.array([[factor(S, form, k=k) for S in SLIPS] for k in (0.01, 0.025, 0.05, 0.1)])
     assert np.all(np.diff(family, axis=0) < 0)
 
 
 @pytest.mark.parametrize("form", list(FORMS.values()), ids=lambda form: form.name)
 def test_fig_6_traction_exists_even_at_s_1(form):
-    """Holds for n = 1, but for the net form only just: F(1) = +0.0012."""
+    """This holds for n = 1, for the net form with a small margin only: F(1) = +0.0012."""
     assert factor(1.0, form) > 0
 
 
@@ -71,7 +73,7 @@ def test_fig_6_traction_exists_even_at_s_1(form):
     "form", [contradicts("net", "F(0.1) = -0.144, F(0.9) = -0.012"), FORMS["torque"], FORMS["gross"]]
 )
 def test_rover_travels_stably_at_slip_ratio_around_0(form):
-    """Section 5. On the flat that takes a factor that is not negative at a small slip."""
+    """Section 5. On level ground this needs a factor that is not negative at a small slip."""
     assert factor(0.1, form) >= 0
 
 
@@ -84,13 +86,15 @@ def test_rover_travels_stably_at_slip_ratio_around_0(form):
     ],
 )
 def test_fig_8_grip_is_lost_at_12_degrees(form):
-    """Steady climbing needs F >= tan(slope); no form of Table 1 reaches 12 deg, the torque form comes closest."""
+    """Steady climbing needs F >= tan(slope). No form of Table 1 reaches 12 deg; the torque form reaches the largest
+    slope.
+    """
     assert max(factor(S, form) for S in SLIPS) == pytest.approx(TWELVE_DEGREES, rel=0.05)
 
 
 @pytest.mark.parametrize("c", [0.0, 0.005, 5.0])
 def test_table_1_s_cohesion_has_no_influence(c):
-    """0.005 N/m^2 is a thousandth of a percent of the stress; any c below 5 Pa gives the same curve."""
+    """0.005 N/m^2 is a thousandth of a percent of the stress. Every c below 5 Pa gives an equal curve."""
     assert factor(0.3, FORMS["torque"], c=c) == pytest.approx(factor(0.3, FORMS["torque"]), abs=2e-4)
 
 

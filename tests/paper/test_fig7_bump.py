@@ -37,14 +37,16 @@ def over_place(trace, name):
 
 @pytest.mark.parametrize(("width", "measured"), [("bump", 1.23), ("one-sided-bump", 1.14)])
 def test_the_time_scale_has_difference(traces, width, measured):
-    """The guess of the paper: sand where the obstacle is hard makes the simulated rover slower."""
+    """The supposition of the paper: sand in place of a hard obstacle makes the simulated rover slower."""
     ratio = crossing(traces[width, SAND]) / crossing(traces[width, HARD])
     assert ratio == pytest.approx(measured, abs=0.02)
 
 
 @pytest.mark.parametrize("width", ["bump", "one-sided-bump"])
 def test_the_overall_profile_shows_good_agreement(traces, width):
-    """No number is given: extremes of the bogie's swing of 24 deg within 2 deg, shapes over the place to r > 0.75."""
+    """The paper states no number. Here the extremes of the bogie's swing of 24 deg agree within 2 deg, and the profiles
+    over the position correlate with r > 0.75.
+    """
     sand, hard = (over_place(traces[width, ground], "bogie_l") for ground in (SAND, HARD))
     assert sand.min() == pytest.approx(hard.min(), abs=2.0)
     assert sand.max() == pytest.approx(hard.max(), abs=2.0)
@@ -52,7 +54,7 @@ def test_the_overall_profile_shows_good_agreement(traces, width):
 
 
 def test_over_a_full_width_bump_the_rockers_stay_at_zero(traces):
-    """Left and right are the same and the differential makes one the opposite of the other."""
+    """Left and right are equal, and the differential makes one rocker angle the opposite of the other."""
     for ground in (SAND, HARD):
         assert np.max(np.abs(traces["bump", ground]["rocker_l"])) < 1e-9
 

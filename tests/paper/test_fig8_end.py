@@ -43,7 +43,7 @@ def dug(request):
 
 @pytest.fixture(scope="module")
 def lost(dug):
-    """The row from which on the slip is almost 1, and the inclination there [deg]."""
+    """Return the row from which on the slip is almost 1, and the inclination there [deg]."""
     row = int(np.flatnonzero(dug["slip_ml"] <= 0.9)[-1]) + 1
     return row, float(inclination(dug)[row])
 
@@ -63,12 +63,12 @@ def test_the_grip_is_lost_at_12_degrees(lost):
 
 
 def test_it_happens_at_about_30_seconds(dug, lost):
-    """The paper's 25 s after the foot of the slope, if that is reached at 5 to 10 s as here."""
+    """The paper states 25 s after the foot of the slope, if the rover reaches the foot after 5 to 10 s as here."""
     assert dug.t[lost[0]] == pytest.approx(32.6, abs=0.5)
 
 
 def test_the_elevation_no_longer_rises(dug, lost):
-    """It does not stay constant to the millimetre: it falls by 18 mm in 28 s, as the wheels sink by 19 mm."""
+    """The elevation is not constant to the millimetre: it falls by 18 mm in 28 s, because the wheels sink by 19 mm."""
     z = dug["body_z"][lost[0] :]
     assert np.max(z) - z[0] < 1e-3
     assert z[0] - z[-1] == pytest.approx(0.0179, abs=0.001)
@@ -90,7 +90,7 @@ def test_the_wheels_are_still_driving_and_dig(dug, lost):
 
 
 def test_finally_the_rover_is_stuck(dug):
-    """0.03 mm/s are left of 50, and the usual cut ends the drive at 41 s."""
+    """0.03 mm/s remain of 50 mm/s, and the usual limit of a buried wheel ends the drive at 41 s."""
     last = dug.t > 50.0
     assert abs(dug["body_x"][-1] - dug["body_x"][last][0]) < 1e-3
     trace = driven(**{**DIGGING, "buried": 0.5})
@@ -105,12 +105,14 @@ def controlled():
 
 @pytest.mark.xfail(strict=True, reason="not buried, but it stands: 0.5 mm/s are left, on 10.7 deg")
 def test_held_at_a_small_slip_it_climbs_on(controlled):
-    """It did, at 1.6 mm/s, while the hole's rim faded below 5 mm/s: what crept was the fading."""
+    """The rover climbed at 1.6 mm/s only while the model let the rim of a hole fade below 5 mm/s."""
     assert controlled["body_x"][-1] - controlled["body_x"][controlled.t > 50.0][0] > 0.01
 
 
 def test_held_at_a_small_slip_it_is_not_buried(controlled):
-    """Section 5's claim, with the true slip at S_d = 0.2; Eq (9) does not see the slip and is buried all the same."""
+    """The claim of section 5 holds with the true slip at S_d = 0.2. Eq (9) does not see the slip, and the wheels are
+    buried.
+    """
     assert np.max(controlled.stack("sinkage")) < 0.013
     last = controlled.t > 50.0
     assert 0.0 < controlled["body_x"][-1] - controlled["body_x"][last][0] < 0.01

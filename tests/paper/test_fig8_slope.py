@@ -31,13 +31,13 @@ def inclination(trace):
 
 
 def slip_at(trace, degrees):
-    """Slip where the body first stands on this inclination; that of the end if it never does."""
+    """Return the slip where the body first reaches this inclination; if it never does, the slip at the end."""
     there = np.flatnonzero(inclination(trace) >= degrees)
     return trace["slip_ml"][there[0] if there.size else -1]
 
 
 def degrees_at(trace, slip):
-    """Inclination from which on the slip is above this value."""
+    """Return the inclination from which on the slip is above this value."""
     below = np.flatnonzero(trace["slip_ml"] <= slip)
     first = 0 if below.size == 0 else below[-1] + 1
     return inclination(trace)[first] if first < len(trace.t) else math.inf
@@ -57,7 +57,7 @@ def differs(form, measured):
     ],
 )
 def test_the_slip_stays_near_0_on_gentle_slopes(traces, form):
-    """Near 0 is read as below 0.2, up to 10 of the 12 deg."""
+    """ "Near 0" is read as below 0.2, for slopes up to 10 deg of the 12 deg."""
     assert abs(slip_at(traces[form], 10.0)) < 0.2
 
 
@@ -71,7 +71,9 @@ def test_the_slip_stays_near_0_on_gentle_slopes(traces, form):
     ],
 )
 def test_the_slip_switches_from_0_to_1_at_12_degrees(traces, form):
-    """From 0.1 to 0.9 within 2 deg, ending at 12 deg; the made-up sand of small k and phi shows what it takes."""
+    """The slip rises from 0.1 to 0.9 within 2 deg and ends at 12 deg. An invented sand with small k and phi shows the
+    required soil.
+    """
     low, high = (degrees_at(traces[form], slip) for slip in (0.1, 0.9))
     assert high == pytest.approx(TWELVE, abs=0.5)
     assert high - low < 2.0
@@ -92,7 +94,7 @@ def test_the_inclination_of_12_degrees_is_reached(traces, form):
 
 @pytest.mark.parametrize("form", [differs("net", "no rise at all"), "torque", "gross", "abrupt"])
 def test_the_elevation_keeps_rising_after_the_slip_has_grown(traces, form):
-    """The last 10 s: S above 0.9, more than 1 mm of rise."""
+    """In the last 10 s, S is above 0.9 and the elevation rises by more than 1 mm."""
     trace = traces[form]
     late = trace.t > trace.t[-1] - 10.0
     assert np.min(trace["slip_ml"][late]) > 0.9
@@ -105,5 +107,5 @@ def test_where_the_slip_grows_as_measured(traces, form, slip, degrees):
 
 
 def test_climb_ends_below_the_steepest_slope_the_factor_allows(traces):
-    """atan(F(1) - R) = 8.8 deg with the torque form: the resistance holds a rover whose wheels spin."""
+    """atan(F(1) - R) = 8.8 deg with the torque form: the motion resistance holds a rover whose wheels spin."""
     assert 8.5 < inclination(traces["torque"])[-1] < 8.8

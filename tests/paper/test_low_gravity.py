@@ -23,7 +23,9 @@ def test_a_lunar_rover_bounces_more_over_a_bump():
 
 @pytest.mark.slow
 def test_a_fast_rover_bounces_the_more_the_smaller_the_gravity():
-    """At 1 m/s: shares of wheels in the air of 0, 12 and 29 %, peak loads of 2.5, 7.3 and 12.3 times the static one."""
+    """At 1 m/s, wheels are in the air for 0, 12 and 29 % of the time, and the peak loads are 2.5, 7.3 and 12.3 times
+    the static load.
+    """
     earth, mars, moon = (over_the_bump(1.0, place) for place in study.PLACES)
     assert [row["lift_off"] for row in (earth, mars, moon)] == pytest.approx([0.0, 0.116, 0.294], abs=0.01)
     assert [row["peak_load"] for row in (earth, mars, moon)] == pytest.approx([2.54, 7.31, 12.27], rel=0.02)

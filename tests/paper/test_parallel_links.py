@@ -31,7 +31,9 @@ def over_place(trace, name):
     ("name", "distance"), [("bogie_l", np.radians(1.3)), ("body_pitch", np.radians(0.4)), ("body_z", 0.0008)]
 )
 def test_the_functionality_is_almost_the_same(both, name, distance):
-    """Over bump and ditch the body's height agrees within 1 mm, pitch and bogie in shape and within degrees (RMS)."""
+    """Over bump and ditch, the height of the body agrees within 1 mm, and pitch and bogie angles agree in shape and
+    within degrees (RMS).
+    """
     plain, links = (over_place(trace, name) for trace in both)
     assert np.sqrt(np.mean((plain - links) ** 2)) < distance
     assert np.corrcoef(plain, links)[0, 1] > 0.99
@@ -39,12 +41,14 @@ def test_the_functionality_is_almost_the_same(both, name, distance):
 
 @pytest.mark.xfail(strict=True, reason="middle wheel's load: r = -0.01 over the bump, 0.16 over the ditch")
 def test_loads_by_hinges_are_those_of_parallel_links(both):
-    """They are not: without a pivot above the axles, what the wheels pull no longer tips the bogie."""
+    """The loads differ from those of a plain bogie: without a pivot above the axles, the pull of the wheels does not
+    tip the bogie.
+    """
     plain, links = (over_place(trace, "normal_ml") for trace in both)
     assert np.corrcoef(plain, links)[0, 1] > 0.5
 
 
 def test_parallel_links_even_out_the_loads_of_the_bogie(both):
-    """The middle wheel's load swings by two thirds of what it does on the plain bogie, or less."""
+    """The load of the middle wheel varies by at most two thirds of its variation on the plain bogie."""
     plain, links = (np.ptp(over_place(trace, "normal_ml")) for trace in both)
     assert links < 0.7 * plain

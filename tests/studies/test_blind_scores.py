@@ -1,4 +1,5 @@
-"""What blind tests read from a verdict: answered sets, stated probabilities, and what is more than noise."""
+"""The scores that blind tests take from a verdict: answered sets, stated probabilities, and the gain over
+noise alone."""
 
 import math
 from types import SimpleNamespace
@@ -35,7 +36,7 @@ def test_what_is_on_no_list_shows_beside_a_quiet_base(second, nats):
 
 
 def test_rigs_are_planned_under_every_kind_of_noise():
-    """The generator lost its list of them, which only this study reads."""
+    """The kinds of noise come from the generator's list, which only this study uses."""
     planned = plan(REPORTED[0])
     assert len(planned) == 307
     assert {hidden.noise for hidden in planned} == set(generator().NOISES)

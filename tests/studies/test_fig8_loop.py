@@ -1,4 +1,4 @@
-"""Fig 8's end as a closed loop: the model that digs no longer rises, as its log."""
+"""The end of Fig 8 as a closed loop: the model with digging stops rising, as its log does."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The figure of the growing slope: every curve that its legend names is drawn in every panel."""
+"""The figure of the slope of growing inclination: every curve of its legend is drawn in every panel."""
 
 import fig8_slope as study
 import numpy as np
@@ -8,14 +8,16 @@ from rover_pin.scenarios.scenario import scenario
 
 
 def is_in_view(line, axes):
-    """Whether a line has a point inside the axes."""
+    """Return whether a line has a point inside the axes."""
     x, y = line.get_data(orig=False)
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     return bool(np.any((x >= left) & (x <= right) & (y >= low) & (y <= high)))
 
 
 def test_every_curve_of_the_legend_is_drawn_in_every_panel():
-    """By the net form the rover does not reach the slope; its point must be there, and the legend must state it."""
+    """With the net form the rover does not reach the slope. Its single point must be drawn, and the legend must state
+    this.
+    """
     torque, _, net, *_ = study.READINGS
     traces = {
         reading.label: scenario("slope", soil="table-1", duration=14.0, **reading.settings).drive(measure_error=False)

@@ -1,4 +1,4 @@
-"""The loop finds on the measured wheels what `studies/results/measured_wheels.csv` keeps and the page shows."""
+"""The loop on the measured wheels gives the results in `studies/results/measured_wheels.csv`, which the page shows."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ KEPT = pd.read_csv(ROOT / "studies" / "results" / "measured_wheels.csv", keep_de
 
 
 def numbers(text):
-    """Every name with its number: probabilities of causes, or errors of channels in their unit."""
+    """Return every name with its number: probabilities of causes, or errors of channels in their units."""
     return {
         part.split()[0]: float(part.removesuffix(" N m").rstrip(" Nm").rsplit(" ", 1)[1]) for part in text.split("; ")
     }

@@ -1,4 +1,4 @@
-"""The tables of the mutation run agree."""
+"""The two tables of the mutation study agree with each other."""
 
 from pathlib import Path
 

@@ -1,4 +1,5 @@
-"""The ROS 2 node against a loopback of rclpy: messages are those of the definitions, and go through CDR."""
+"""The ROS 2 node with a replacement of rclpy in one process: messages follow their definitions, and pass
+through CDR."""
 
 from __future__ import annotations
 
@@ -35,7 +36,9 @@ MESSAGES = {
 
 
 class Message:
-    """A message as rclpy has it: fields with defaults, no others, of the types of its definition."""
+    """A message as in rclpy: its fields have defaults and the types of its definition, and there are no other
+    fields.
+    """
 
     kind = ""
 
@@ -77,7 +80,7 @@ def fits(value, form, where):
 
 
 def stored(value):
-    """Return a message as rosbags has it."""
+    """Return a message in the form of rosbags."""
     if isinstance(value, Message):
         for name, form in ROS.get_msgdef(value.kind).fields:
             fits(getattr(value, name), form, name)
@@ -93,7 +96,9 @@ def stored(value):
 
 
 class Loopback:
-    """A graph of one process, whose clock a test turns: what is published comes back out of its bytes."""
+    """A ROS graph within one process, whose clock the test advances. Published messages are encoded to bytes and
+    decoded again.
+    """
 
     def __init__(self, parameters):
         self.parameters, self.now, self.sent, self.readers, self.said = parameters, 10**18, [], {}, []
@@ -118,7 +123,7 @@ class Loopback:
 
 
 class Time(SimpleNamespace):
-    """Nanoseconds, which differ by a duration."""
+    """A time in nanoseconds; the difference of two times is a duration."""
 
     def __sub__(self, second):
         return SimpleNamespace(nanoseconds=self.nanoseconds - second.nanoseconds)
@@ -130,14 +135,14 @@ class Time(SimpleNamespace):
 
 
 class Timer(SimpleNamespace):
-    """A timer that may be cancelled."""
+    """A timer that can be cancelled."""
 
     def cancel(self):
         self.cancelled = True
 
 
 def node_class(graph):
-    """Return rclpy's Node on a loopback: what of it the node uses."""
+    """Return the parts of rclpy's Node that the node uses, on the replacement graph."""
 
     class Node:
         def __init__(self, name):
@@ -168,7 +173,7 @@ def node_class(graph):
 
 @pytest.fixture
 def start(monkeypatch):
-    """Start the node with parameters; return the graph it is on."""
+    """Start the node with parameters, and return its graph."""
 
     def started(**parameters):
         graph = Loopback(parameters)
@@ -196,7 +201,7 @@ def command(graph, x=0.0, yaw_rate=0.0, y=0.0):
 
 
 def drive(graph, seconds, **commanded):
-    """Command anew every 0.2 s, as a joystick does."""
+    """Send a command every 0.2 s, as a joystick does."""
     for _ in range(round(seconds / 0.2)):
         command(graph, **commanded)
         graph.run(0.2)
@@ -218,7 +223,7 @@ def test_the_node_drives_as_the_same_control_in_one_drive(start):
 
 
 def test_what_is_sent_holds_together(start):
-    """Pose, twist and joints tell one motion, and the joints are the URDF's."""
+    """Pose, twist and joint angles describe one motion, and the joints are those of the URDF."""
     graph = start(rover="cart")
     drive(graph, 6.0, x=0.03, yaw_rate=0.05)
     poses = [ROS.deserialize_cdr(raw, kind) for topic, _, kind, raw in graph.sent if topic == "odom"]
@@ -273,7 +278,7 @@ def bag(graph, folder):
 
 
 def test_a_recorded_bag_is_imported(start, tmp_path):
-    """Its columns are told from their names and each other, and are what the drive had."""
+    """The importer recognises the columns by their names and by each other, and their values are those of the drive."""
     graph = start(rover="cart")
     drive(graph, 8.0, x=0.03)
     drive(graph, 4.0, x=0.05)

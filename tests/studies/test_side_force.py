@@ -1,4 +1,4 @@
-"""Studies of the side force, of tacking and of a figure: each part says and holds what its result says."""
+"""Studies of the side force, of tacking and of a figure: the parts of each study agree with its stated result."""
 
 import math
 
@@ -24,13 +24,15 @@ def test_across_a_slope_the_new_law_lets_the_rover_drift_less(across):
 
 
 def test_side_force_carries_the_slopes_share_of_the_weight(across):
-    """In equilibrium sum f_y = m g sin 10 deg: 0.176 of the load, the middle wheel a little more."""
+    """In equilibrium sum f_y = m g sin 10 deg, which is 0.176 of the load; the middle wheel carries slightly more."""
     for row in across:
         assert row["side_over_load"] == pytest.approx(np.tan(np.radians(10.0)), rel=0.1)
 
 
 def test_a_skid_on_sand_that_softens_digs_in_and_turns_less():
-    """Held side speeds turn the cart on; where slip and drift soften the sand it sinks to 48 mm and is slow."""
+    """The speeds of the sides are held and turn the cart. On sand that slip and drift soften, the cart sinks to 48 mm
+    and becomes slow.
+    """
     firm, soft = (side_force.driven("skid", side_force.LAWS[name], 17.0) for name in list(side_force.LAWS)[-2:])
     late = soft.t > 12.0
     assert np.ptp(soft["body_yaw"][late]) < 0.5 * np.ptp(firm["body_yaw"][late])
@@ -42,7 +44,7 @@ LAW = Tacking(calm=2.0, delta=0.5, delta_climb=0.8)
 
 
 def reading(t, fold, yaw=0.0, pitch=0.0):
-    """What the rover reads: no truth, which the controller must not touch."""
+    """Return a reading without true values, because the controller must not use them."""
     return Reading(t, np.zeros(6), np.ones(6), np.ones(6), np.array([0.0, fold, 0.0, fold]), (0.0, pitch, yaw), None)
 
 
@@ -63,7 +65,9 @@ def test_folded_bogies_turn_it_to_one_side_and_then_to_the_other(control):
 
 
 def test_it_leaves_a_ditch_in_which_constant_duty_stays():
-    """Walls of 60 deg: the bogies' wheels stand at the wall for ever, at any duty; one after the other they climb."""
+    """At walls of 60 deg, the bogies' wheels stay at the wall at any duty. If they reach the wall one after the other,
+    they climb it.
+    """
     scene = scenario("ditch", **{"soil.k": 0.01, "terrain.wall_angle_deg": 60})
     straight = [simulate(scene.model, ConstantDuty(delta), 35.0, symmetric=True) for delta in (0.55, 1.0)]
     tacking = simulate(scene.model, TackingControl(scene.model.rover), 35.0)

@@ -1,4 +1,4 @@
-"""Every study and benchmark runs with --quick, from any folder, and leaves what it says that it writes."""
+"""Every study and benchmark runs with --quick from any folder, and writes the files that it states."""
 
 import os
 import re
@@ -30,7 +30,7 @@ def run(file, *options, folder):
 
 
 def has_commit(commit):
-    """Whether the folder is a clone with that much history."""
+    """Return whether the folder is a clone whose history reaches back to a commit."""
     command = ["git", "cat-file", "-e", f"{commit}^{{commit}}"]
     return subprocess.run(command, cwd=ROOT, capture_output=True, check=False).returncode == 0
 

@@ -1,4 +1,4 @@
-"""The study of wheel laws: its laws reach what it says, on levels held out."""
+"""The study of wheel laws: its laws reach the stated errors on held-out levels."""
 
 import dataclasses
 import itertools
@@ -11,7 +11,7 @@ import wheel_laws as study
 
 
 def test_a_braked_wheel_ploughs_as_its_volume_says():
-    """Held out 0.57 N and 1.53 mm, where at most 2 and 2 were to be reached; a_b = 0.98."""
+    """The held-out errors are 0.57 N and 1.53 mm, with a_b = 0.98; the aim was at most 2 N and 2 mm."""
     data = study.read_rig_set(study.DATA / "cmu-smooth-wheel-skid")
     (row,) = study.compared("braked", data, {"ploughing": study.LAWS["braked"]["ploughing"]}, 1.51)[:1]
     assert row.drawbar_pull_N == pytest.approx(0.57, abs=0.1)
@@ -28,7 +28,9 @@ def read(study):
 
 
 def test_the_authors_model_is_as_far_off_as_the_table_says():
-    """Their sinkage carries the load, their side force turns with the slip angle; nothing is fitted here."""
+    """Nothing is fitted here: their sinkage carries the load, and their side force changes its sign with the slip
+    angle.
+    """
     rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv").set_index(["set", "law"])
     sets = read(study)
     for name, data in sets.items():
@@ -45,13 +47,13 @@ def test_the_authors_model_is_as_far_off_as_the_table_says():
 
 
 def test_laws_beat_both_curves_on_all_sets_but_one():
-    """Over all channels in their noise, in the kept table."""
+    """The errors are those of all channels in units of their noise, from the kept table."""
     rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv")
     assert study.ahead(rows) == [name for name in study.REACH if name != "braked askew"]
 
 
 def test_one_soil_predicts_each_set_from_the_others():
-    """In the kept table: the median set, and twice that in every one."""
+    """The limits hold for the median set and, doubled, for every set of the kept table."""
     rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv")
     predicted = rows[rows["set"].str.startswith(study.FROM) & (rows["law"] == "the law")]
     assert len(predicted) == 7
@@ -61,7 +63,9 @@ def test_one_soil_predicts_each_set_from_the_others():
 
 
 def test_pressings_bend_no_set():
-    """In the kept table: one soil for all misses no set by 3 % more or less than without them."""
+    """In the kept table, the error of one soil for all sets changes in no set by more than 3 % if the pressings are
+    left out.
+    """
     rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv").set_index(["set", "law"])["in_sds"]
     for name in study.FOLDERS:
         distance, used = (rows[before + study.ONE + name, study.LAW] for before in (study.APART, ""))
@@ -70,7 +74,9 @@ def test_pressings_bend_no_set():
 
 @pytest.mark.slow
 def test_a_braked_wheel_askew_is_predicted_from_the_others():
-    """No run of it is fitted: 1.7 N, 1.6 mm and 1.3 N, where a Gaussian process is 8 N and 5 mm off."""
+    """None of its runs is fitted. The errors are 1.7 N, 1.6 mm and 1.3 N; a Gaussian process is wrong by 8 N
+    and 5 mm.
+    """
     sets = read(study)
     chosen = {"braked askew": sets.pop("braked askew"), **sets}
     del chosen["smooth"]
