@@ -16,7 +16,7 @@ from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.measurements.rig_reading import read_rig_set
 
 
-def test_a_rig_tells_what_was_hidden_beside_it_alone(run, tmp_path):
+def test_only_the_truth_file_states_the_hidden_effect_of_a_rig(run, tmp_path):
     code, out, _ = run("demo", "rig", "--hidden", "SlipSinkage.n_1=0.7", "--out", "made")
     assert code == 0
     assert "SlipSinkage" not in out
@@ -29,7 +29,7 @@ def test_a_rig_tells_what_was_hidden_beside_it_alone(run, tmp_path):
     assert run("check-data", "made")[0] == 0
 
 
-def test_a_rig_scatters_as_it_says(tmp_path):
+def test_a_rig_scatters_by_its_stated_noise(tmp_path):
     """Repeats of a level differ by the stated noise, and a hidden slip-sinkage lets the wheel sink deeper at large
     slip.
     """
@@ -120,7 +120,7 @@ def test_impossible_demos_are_refused_in_one_sentence(run, tmp_path, words, mess
 
 
 @pytest.mark.slow
-def test_the_loop_answers_what_the_rig_hides(run, tmp_path):
+def test_the_loop_finds_the_hidden_effect_of_the_rig(run, tmp_path):
     assert run("demo", "rig", "--hidden", "SlipSinkage.n_1=0.7", "--out", "made")[0] == 0
     code, out, _ = run("close-loop", "made", "--json")
     assert code == 0

@@ -88,7 +88,7 @@ class Crowd(BodyEffect):
         return Push(joints=(0.0, 0.0, 0.0))
 
 
-def test_what_is_refused_is_said():
+def test_a_refusal_names_the_value():
     with pytest.raises(ParameterError, match=r"3.*suspension.*4"):
         simulate(BUMP.having(Crowd()), ConstantDuty(0.5), 0.1)
     with pytest.raises(ParameterError, match=r"differential,.*'cart'"):

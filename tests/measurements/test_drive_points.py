@@ -68,7 +68,7 @@ def true_factor(S):
     return float(load_traction_factor(S, Soil(k=0.01), Wheel(), TorqueTraction()))
 
 
-def test_a_log_with_sensors_tells_the_soil_that_made_it(log):
+def test_a_log_with_sensors_determines_the_soil_that_made_it(log):
     """If every sample were assigned to a class by its own slip, the result would be k = 5.0 mm [3.6, 7.3] and phi = 17
     deg [15, 21].
     """
@@ -107,7 +107,7 @@ def cart_log(folder, ground="slope", seed=0, **settings):
     return cart.model.soils[0]
 
 
-def test_a_wheel_whose_arc_carries_its_load_tells_the_soil(tmp_path):
+def test_a_wheel_whose_arc_carries_its_load_determines_the_soil(tmp_path):
     """With theta_1 fixed at the soil's value, whatever the load, the intervals would be too narrow and wrong: k = 34 mm
     [27, 45], phi = 23 deg [20, 27].
     """
@@ -145,7 +145,7 @@ def test_unmeasured_modulus_is_uncertain_together_with_the_rest(tmp_path):
     assert width[1] > width[0]
 
 
-def test_a_modulus_that_was_sized_is_not_said_to_be_declared(tmp_path):
+def test_a_derived_modulus_is_not_reported_as_declared(tmp_path):
     cart_log(tmp_path)
     path = tmp_path / "drive.toml"
     lines = path.read_text(encoding="utf-8").splitlines()
@@ -233,7 +233,7 @@ def test_intervals_of_sensor_logs_hold_nine_of_ten_truths(tmp_path):
     assert np.mean(covered) >= 0.90
 
 
-def test_wheels_told_together_weigh_by_their_loads():
+def test_wheels_of_one_group_are_weighed_by_their_loads():
     """Two wheels have the law F(S) = S and carry 10 and 30 N, but the loads are assumed as 20 and 20 N. Only their
     torques decide F.
     """
@@ -247,7 +247,7 @@ def test_wheels_told_together_weigh_by_their_loads():
     assert pool(guessed[:1]) == guessed[0]
 
 
-def test_a_declared_doubt_of_the_motor_widens_what_is_shared(log):
+def test_a_declared_sd_of_the_motor_widens_the_shared_error(log):
     read = read_drive_log(log)
     motor = record_from(Motor, read.metadata.motor, "motor")
     gear = {**read.metadata.motor, "gear": {"value": 268.0, "unit": "", "sd": 26.8}}

@@ -224,7 +224,7 @@ def test_a_column_or_a_constant_is_named_by_the_user(tmp_path):
         ("slip,load_N,sinkage_m\n0.1,50,12\n", ("'sinkage_m'", "row 1", "millimetres")),
     ],
 )
-def test_what_cannot_be_a_set_is_refused_with_the_way_out(content, words, tmp_path):
+def test_a_table_that_is_no_set_is_refused_with_a_remedy(content, words, tmp_path):
     _, sentence = refused(tmp_path, content)
     for word in words:
         assert word in sentence

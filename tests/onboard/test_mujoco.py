@@ -111,7 +111,7 @@ def test_the_differential_holds_and_joints_move_alike():
         assert float(data.joint(f"steer_{wheel}").qpos[0]) == pytest.approx(target, abs=0.02)
 
 
-def test_asking_twice_changes_nothing_and_a_reset_begins_anew():
+def test_a_second_call_changes_nothing_and_a_reset_restarts():
     once, _, _ = theirs("slope of 6 deg", 0.005)
     twice, soil, data = theirs("slope of 6 deg", 0.005, disturb=lambda model, data: mujoco.mj_forward(model, data))
     assert np.array_equal(once, twice)
@@ -165,7 +165,7 @@ def test_the_drawn_ground_is_the_terrain():
         assert 5.0 - way == pytest.approx(float(case.model.ground.height(x, y)), abs=2e-3)
 
 
-def test_what_mujoco_would_not_have_is_refused():
+def test_effects_that_mujoco_lacks_are_refused():
     model = CASES["flat"][0].model
     sprung = scenario("flat", add=["SpringDamper", "DeadBand"]).model
     with pytest.raises(ParameterError, match="DeadBand, SpringDamper"):

@@ -50,7 +50,7 @@ def test_two_numbers_and_a_word_give_a_map_and_a_row_of_panels():
     assert max(panels[-1][2][:, 0]) == pytest.approx(2.0)  # degrees
 
 
-def test_what_failed_is_left_out_and_counted():
+def test_failed_cases_are_left_out_and_counted():
     failed = table(error=["Diverged", *[None] * (CASES - 1)])
     figure = study_figure("mine", failed, UNITS)
     assert figure.get_suptitle() == "mine: 8 cases, 1 failed and are not shown"

@@ -98,7 +98,7 @@ def page(sag_fits, verdict, tmp_path_factory):
     return write_report(verdict, sag_fits[0], tmp_path_factory.mktemp("report"))[0]
 
 
-def test_it_says_nothing_in_the_console_and_loads_nothing(page, tmp_path):
+def test_the_console_stays_empty_and_nothing_is_loaded(page, tmp_path):
     frame = tmp_path / "frame.html"
     frame.write_text(framed(page, 1200, 2000))
     words = ("--allow-file-access-from-files", "--enable-logging=stderr", "--dump-dom", frame.as_uri())

@@ -96,7 +96,7 @@ def test_the_scene_is_of_the_run_that_strays_furthest(sag_fits, verdict):
     assert not re.findall(r'(?:src|href)="(https?://[^"]+)"', content["page"])
 
 
-def test_without_viser_the_page_says_what_the_scene_takes(sag_fits, verdict, monkeypatch, tmp_path):
+def test_without_viser_the_page_names_the_extra_of_the_scene(sag_fits, verdict, monkeypatch, tmp_path):
     monkeypatch.setattr(drive_report, "find_spec", lambda name: None)
     text = page_of(sag_fits, verdict, tmp_path)
     assert "pip install &#34;viser&gt;=1.0&#34;" in text
@@ -182,7 +182,7 @@ def test_numbers_name_the_one_they_go_with_most(verdict):
     assert cells == correlated
 
 
-def test_the_first_picture_is_where_what_was_added_shows(sag_fits, verdict):
+def test_the_first_picture_shows_the_influence_of_the_added_effect(sag_fits, verdict):
     """A sagging supply changes the bus voltage most. The drawn means are the means of the residual, and fall to zero
     with the effect.
     """
@@ -219,7 +219,7 @@ def test_free_runs_that_stray_further_are_a_caution(verdict):
     assert any("end of run_1" in line for line in cautions(verdict, lost))
 
 
-def test_numbers_that_drifted_or_lie_at_a_bound_stand_first(verdict):
+def test_numbers_that_drifted_or_lie_at_a_bound_come_first(verdict):
     drifted = tuple(
         number._replace(drift=4.0 * (number.name == "soil.phi"), at_bound=number.name == "SupplySag.R_b")
         for number in verdict.after.numbers

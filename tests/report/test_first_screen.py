@@ -82,7 +82,7 @@ def test_a_residual_beyond_the_noise_is_stated_whatever_was_named(verdict):
 
 
 @pytest.mark.parametrize("answer", [Answer.LIKE, Answer.SET, Answer.NONE_FITS])
-def test_what_held_out_data_contradict_is_stated(answered, answer):
+def test_a_contradiction_by_held_out_data_is_stated(answered, answer):
     reason = "With all data, TetherDrag has the probability 0.98, but it makes path larger (+70%)."
     overturned = dataclasses.replace(answered(answer), overturned=(reason,))
     manner = labels_of(overturned)
@@ -186,7 +186,7 @@ def test_the_headline_stays_short_however_many_causes_act(rig, count):
         assert not re.search(r"\d\.\d", said)
 
 
-def test_what_got_worse_stands_in_the_sentence(rig):
+def test_worse_channels_are_in_the_sentence(rig):
     worse = score("drawbar pull", "N", 0.5, 0.6, 0.1, 0.3, floor=0.1)
     sentence = improvement(dataclasses.replace(rig, scores=(worse, SINKAGE)), RIG)
     assert "0.50 N to 0.60 N." in sentence
@@ -219,7 +219,7 @@ def test_every_answer_has_its_sentence_reasons_and_next_step(answered, answer):
     assert next_run(changed_verdict)
 
 
-def test_answers_that_add_nothing_say_so_and_claim_no_cause(answered):
+def test_answers_without_an_added_effect_claim_no_cause(answered):
     for answer in (Answer.NONE_NEEDED, Answer.NONE_FITS, Answer.INADEQUATE, Answer.CANNOT_TELL):
         assert "is now" not in improvement(answered(answer), labels_of(answered(answer)))
     assert "fitted numbers" in full_answer(answered(Answer.NONE_FITS), RIG)
@@ -292,12 +292,12 @@ def test_an_interval_has_as_many_digits_as_its_ends_need(value, low, high, close
     assert with_interval(Number("SupplySag.R_b", "ohm", value, low, high, math.nan, closed)) == text
 
 
-def test_two_numbers_have_as_many_digits_as_tell_them_apart():
+def test_two_numbers_have_enough_digits_to_differ():
     assert pair(0.0123, 0.0124, "m") == ("12.3 mm", "12.4 mm")
     assert pair(0.02, 0.01, "m") == ("20 mm", "10 mm")
 
 
-def test_a_rival_is_said_first_and_asks_for_an_effect(answered):
+def test_a_rival_is_stated_first_and_an_effect_is_advised(answered):
     first = "a quadratic of what was set predicts what was left out with 0.50 times this model's errors"
     drafted = dataclasses.replace(answered(Answer.NONE_FITS), rival=first)
     assert full_answer(drafted, RIG).startswith(f"A{first[1:]}; ")

@@ -84,7 +84,7 @@ def test_every_table_has_headed_columns_and_rows(page):
         assert all("data-head" in attrs for attrs in Seen(table[table.index("<tbody") :]).all("td"))
 
 
-def test_every_picture_tells_its_result(page):
+def test_every_picture_states_its_result(page):
     observed = Seen(without_scene(page[0]))
     pictures = [attrs for attrs in observed.all("svg") if "role" in attrs]
     assert all(len(attrs["aria-label"]) > 25 for attrs in pictures)
@@ -138,7 +138,7 @@ def test_docstrings_show_their_code_and_no_tags():
     assert mark_code("see `a < b` <i>") == "see <code>a &lt; b</code> &lt;i&gt;"
 
 
-def test_the_key_of_a_picture_fits_beside_its_panel():
+def test_the_legend_of_a_picture_fits_next_to_its_panel():
     """Two or three long names in a legend must not extend beyond the picture."""
     points = np.array([[1.0], [2.0]])
     bed = SimpleNamespace(channels=("pull",), observed=points, unit=lambda name: "N")

@@ -51,14 +51,14 @@ def test_the_fit_and_the_levels_left_out_have_the_sign(deeper):
         assert rows[1, data.level == rig.LEVELS - 1].mean() == pytest.approx(4, abs=0.3)
 
 
-def test_the_table_of_what_residuals_go_with_has_the_sign(deeper):
+def test_the_table_of_correlations_has_the_sign(deeper):
     rows = table_of_tests(deeper[1].extra, False).rows
     (row,) = [row for row in rows if row.cells[:2] == ("sinkage", "slip")]
     assert float(row.cells[2].split()[0]) > 0.9
     assert any("slip (r = +" in caution for caution in deeper[1].cautions)
 
 
-def test_the_words_of_what_is_left_have_the_sign(deeper):
+def test_the_words_on_the_residual_have_the_sign(deeper):
     _, verdict = deeper
     left = verdict.extra.before.residuals[1]
     assert left.with_slip > 0.9
@@ -67,7 +67,7 @@ def test_the_words_of_what_is_left_have_the_sign(deeper):
     assert left.powers[1] == pytest.approx(8e-3 / 0.7, rel=0.1)
 
 
-def test_the_figure_of_what_is_left_has_the_sign(deeper):
+def test_the_figure_of_the_residual_has_the_sign(deeper):
     rig_set, verdict = deeper
     (axis,) = rig_residual_panels(rig_set.sets[0], verdict.extra.before, None)[1].axes
     assert "measured - model" in axis.get_ylabel()
@@ -76,7 +76,7 @@ def test_the_figure_of_what_is_left_has_the_sign(deeper):
     assert drawn[-1] == pytest.approx(4, abs=0.3)
 
 
-def test_the_draft_of_what_is_left_takes_it_away(deeper, tmp_path):
+def test_the_drafted_effect_removes_the_residual(deeper, tmp_path):
     """The drafted effect adds the residual to the sinkage of the contact: h + (measured - model) is the reading of the
     rig.
     """

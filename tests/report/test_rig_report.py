@@ -29,13 +29,13 @@ def written(folder, loads, slips=SLIPS, extra=""):
     return read_rig_set(folder)
 
 
-def test_levels_are_said_by_what_they_mean(tmp_path):
+def test_levels_are_named_by_their_slip(tmp_path):
     assert meanings(written(tmp_path, (20, 20, 20, 20))) == {
         "lv0": "S = -0.7", "lv1": "S = 0", "lv2": "S = 0.3", "lv3": "S = 0.6",
     }  # fmt: skip
 
 
-def test_levels_at_slip_angles_say_them(tmp_path):
+def test_levels_at_slip_angles_state_them(tmp_path):
     assert set(meanings(written(tmp_path, (20, 20, 20, 20), extra=",0.1")).values()) == {
         "S = -0.7", "S = 0", "S = 0.3", "S = 0.6",
     }  # fmt: skip

@@ -106,7 +106,7 @@ KNOWN = Independent("phi", "rad", np.radians(38), np.radians(38), "stated")
         ((37.0, 41.0), 0.07, Against.AGREES),
     ],
 )
-def test_an_interval_that_covers_everything_says_nothing(ends, covered, says):
+def test_an_interval_over_the_whole_range_supports_no_claim(ends, covered, says):
     assert against(ends, (38.0, 38.0), covered) is says
     flag = Flag("phi", "rad", tuple(np.radians((20.0, *ends))), KNOWN, says)
     assert flag.agrees == (says is Against.AGREES)
@@ -164,7 +164,7 @@ def test_undetermined_number_has_its_bounds_as_interval():
 # --- pages and pictures ----------------------------------------------------------------------------------------------
 
 
-def test_a_rigs_page_says_what_is_in_its_model_file(nothing, tmp_path):
+def test_a_rigs_page_describes_its_model_file(nothing, tmp_path):
     provenance = {"command": "rover-pin close-loop x", "seconds": 1.0, "seed": 0, "versions": {"numpy": "2"}}
     verdict = dataclasses.replace(nothing, provenance=provenance)
     page = write_report(verdict, RigExperiment((rig.rig_set(np.zeros(2 * rig.RUNS)),)), tmp_path)[0].read_text()

@@ -120,7 +120,7 @@ def test_force_is_the_push_of_the_effects_in_base_axes(recorder):
 
 
 @pytest.mark.parametrize("half", [0.01, 0.25])
-def test_what_moves_within_the_step_is_taken_to_its_end(recorder, half):
+def test_quantities_that_move_within_the_step_are_taken_at_its_end(recorder, half):
     """The expected values F + h dF/dq q' and dF/du + h dF/dq dq'/du come from differences. Rates that are known are not
     differentiated.
     """

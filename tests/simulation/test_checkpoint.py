@@ -45,7 +45,7 @@ def test_a_drive_in_three_parts_is_the_drive_in_one(control):
         assert np.array_equal(joined, trace[channel], equal_nan=True), channel
 
 
-def test_what_cannot_go_on_is_told():
+def test_a_drive_that_cannot_continue_is_reported():
     case, model = case_of("flat")
     end = simulate(model, case.controller, 0.12, case.start, Timing(control=0.05, sample=0.02)).end
     assert isinstance(end, DriveEnd)

@@ -196,7 +196,7 @@ def test_held_rates_reproduce_the_drive_made_by_the_motors():
     assert by_rate["body_pitch"] == pytest.approx(by_duty["body_pitch"], abs=1e-4)
 
 
-def test_what_holds_the_wheels_enters_the_balance_of_energy():
+def test_torques_that_hold_the_wheels_enter_the_energy_balance():
     """The change of kinetic and potential energy equals the work of the torques that hold the wheels, minus the energy
     that the soil takes.
     """
@@ -238,7 +238,7 @@ def loop_of(steps=6, per_sample=2, **more):
 
 
 @pytest.mark.parametrize("steps", [0, 1, 2, 3])
-def test_a_drive_that_goes_on_asks_where_it_ended(steps):
+def test_a_continued_drive_calls_the_controller_where_it_ended(steps):
     loop = loop_of(per_sample=1, per_control=1)
     loop.ask()
     loop.continue_from(Checkpoint(1.0, steps, FINEST))
@@ -271,13 +271,13 @@ class Fixed:
         (0.5, np.zeros(3), 0, True),
     ],
 )
-def test_commands_of_another_rover_are_asked_for(duty, steer, servos, fits):
+def test_commands_of_another_rover_are_refused(duty, steer, servos, fits):
     """Commands for another number of wheels are refused by Python. If nothing steers, angles are not read."""
     controller = Fixed(duty, steer)
     assert commands_of(controller, 6, servos) is (controller.commands if fits else None)
 
 
-def test_a_compiled_drive_tells_how_far_it_is_every_fifty_rows():
+def test_a_compiled_drive_reports_progress_every_fifty_rows():
     progress = []
     simulate(MODEL, ConstantDuty(0.3), 0.6, timing=Timing(0.005, 0.005, 0.005), progress=progress.append)
     assert progress == pytest.approx([0.25, 0.5])

@@ -87,7 +87,7 @@ def test_a_data_sheet_is_taken_at_the_wheel(tmp_path):
     assert [line.split(":")[0] for line in drive.assumed] == ["motion resistance"]
 
 
-def test_a_heavy_rover_cruises_where_it_is_said_to(rover_file):
+def test_a_heavy_rover_cruises_at_the_stated_slip(rover_file):
     """R is computed for the rover's own load. With the R of Nexus 6, heavy rovers would drive at S < 0."""
     trace = scenario("flat", rover=str(rover_file)).drive()
     late = trace.t > 0.6 * trace.t[-1]
@@ -152,7 +152,7 @@ def test_a_rover_four_times_as_large_drives_the_same_way(tmp_path):
     assert np.interp(t, t_large, bogie_large) == pytest.approx(bogie, abs=5e-3)
 
 
-def test_terrains_grow_with_the_wheels_but_for_what_is_asked():
+def test_terrains_grow_with_the_wheels_except_for_given_sizes():
     assert scale_arguments(shapes.ditch, {"wall_angle": 0.5}, 2.0) == {
         "depth": 0.1, "width": 0.4, "wall_angle": 0.5, "at": 1.0,
     }  # fmt: skip

@@ -32,7 +32,7 @@ def test_effect_of_one_wheel_accepts_the_wheel_name_or_number():
 
 
 @pytest.mark.parametrize("kind", package_effects(), ids=lambda kind: kind.__name__)
-def test_every_effect_can_be_said_and_read_back(kind):
+def test_every_effect_can_be_written_as_a_word_and_read_back(kind):
     effect = reading_traction(kind(), MODEL.all_effects)
     halfway = {
         name: 0.5 * (float(getattr(effect, name)) + (quantity.high if math.isfinite(quantity.high) else 1.0))
@@ -59,12 +59,12 @@ def test_every_effect_can_be_said_and_read_back(kind):
         ("SoilTraction.form=nett", "'nett':.*'net'"),
     ],
 )
-def test_a_word_that_cannot_be_read_is_said(word, says):
+def test_a_word_that_cannot_be_read_is_reported(word, says):
     with pytest.raises(ParameterError, match=says):
         having(MODEL, word)
 
 
-def test_a_scenario_takes_effects_and_words_and_tells_them():
+def test_a_scenario_takes_effects_and_words_and_reports_them():
     drive = scenario("incline", duration=1.0, add=[DiggingMemory(c_d=0.1), "PostPeak.fraction=0.2"])
     assert drive.model.effect(PostPeak).fraction == 0.2
     trace = drive.drive()
@@ -102,7 +102,7 @@ def test_a_word_is_also_an_effect_of_a_file_that_is_trusted(tmp_path):
         having(MODEL, "Drag")
 
 
-def test_a_drive_adds_an_effect_of_one_s_own(tmp_path):
+def test_a_drive_adds_a_users_effect(tmp_path):
     (tmp_path / "drag.py").write_text(OWN)
     ways = []
     for more in ([], ["--effects", str(tmp_path / "drag.py"), "--add", "Drag.share=0.1"]):

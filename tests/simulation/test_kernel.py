@@ -28,7 +28,7 @@ def kernel_of(model):
     return Kernel(model, settled_state(model, Start()), 0.005, symmetric=False)
 
 
-def test_there_is_room_for_what_the_largest_wheel_meets():
+def test_there_is_room_for_the_facets_under_the_largest_wheel():
     """With a point every 5 mm, twice the radius means twice the number of facets. One rover has wheels of
     both sizes.
     """

@@ -113,7 +113,7 @@ def test_a_step_agrees_past_the_stops(way):
 
 
 @pytest.mark.parametrize("share", [1e-3, 1e3])
-def test_what_a_step_misjudged_is_told_alike(share):
+def test_forecast_errors_are_equal(share):
     """The predicted load of one wheel at a time is changed, for wheels that carry more or less than their share."""
     model, start = CASES["two-widths"]
     state, misjudged = settled_state(model, start), []

@@ -138,7 +138,7 @@ def test_a_fault_is_seen():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.__name__ in ("CombinedShear", "ExitAngle")])
-def test_intervals_hold_what_a_law_is(kind):
+def test_intervals_contain_the_values_of_a_law(kind):
     """The boxes around the points are a millionth of a range wide, which is narrow enough to decide every branch."""
     random, effects = np.random.default_rng(6), at_a_wheel(kind, FixedAngles())
     first = np.vstack([drawn(random, GEOMETRY, PATCH), of([Wheel()], random), of([Soil()], random)])
@@ -157,7 +157,7 @@ def test_intervals_hold_what_a_law_is(kind):
 @pytest.mark.slow
 @BOTH
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_meets_at_a_wheel_is_finite(kind, angles):
+def test_all_effects_at_a_wheel_are_finite(kind, angles):
     """The soils bear a load, k_1 + k_2 b > 0, and the deepest point of the contact lies ahead of the axle, |theta_2| <
     theta_1.
     """

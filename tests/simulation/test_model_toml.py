@@ -91,7 +91,7 @@ class Squeak(MotorEffect):
 """
 
 
-def test_an_effect_of_ones_own_keeps_its_file(tmp_path):
+def test_a_users_effect_keeps_its_file(tmp_path):
     (tmp_path / "squeak.py").write_text(OWN_EFFECT)
     (kind,) = user_effects(tmp_path / "squeak.py")
     trust = Trust.of(tmp_path / "squeak.py")
@@ -120,7 +120,7 @@ def test_an_effect_without_a_file_cannot_be_written(tmp_path):
         write_model(BASE.having(namespace["Squeak"]()), tmp_path / "model.toml")
 
 
-def test_a_rover_of_ones_own_needs_its_path(tmp_path):
+def test_a_users_rover_needs_its_path(tmp_path):
     folder = tmp_path / "own"
     folder.mkdir()
     from rover_pin.rover.description.layout import rover_folder

@@ -51,13 +51,13 @@ def test_held_still_the_torque_is_in_proportion_to_the_duty(name):
 
 
 @pytest.mark.parametrize(("name", "share"), [("speed-like", 0.98), ("torque-like", 0.91)])
-def test_what_back_emf_takes_of_the_cruising_duty(name, share):
+def test_share_of_back_emf_in_the_cruising_duty(name, share):
     motor = motor_named(name)
     assert 0.05 / 0.95 / 0.045 / float(motor.no_load_rate) / 0.55 == pytest.approx(share, abs=0.005)
 
 
 @pytest.mark.parametrize("name", MOTORS)
-def test_what_eq_9_reads_is_what_a_drive_shows(study, name):
+def test_the_estimate_of_eq_9_agrees_with_a_drive(study, name):
     """The study's table comes from statics. Here it is compared with the wheels of a rover that climbs steadily, each
     under its own load.
     """
@@ -84,7 +84,7 @@ def test_when_12_degrees_are_reached(study, name, at):
 
 @pytest.mark.parametrize("kind", [engine.stepper for engine in ENGINES.values()], ids=ENGINES)
 @pytest.mark.parametrize("z", [0.05, 0.5, 1.0, 3.0, 8.0, 1000.0])
-def test_a_step_leaves_of_a_motor_s_own_rate_what_the_rule_says(kind, z):
+def test_a_step_damps_a_motors_own_rate_by_the_rule(kind, z):
     """A wheel in the air takes one step of z time constants of its motor. The remaining fraction is exp(-z) to second
     order, and never negative.
     """
@@ -112,7 +112,7 @@ class Push(ViscousFriction):
 
 @pytest.mark.parametrize("kind", [engine.stepper for engine in ENGINES.values()], ids=ENGINES)
 @pytest.mark.parametrize("z", [-3.0, 0.5, 1.2, 1.9, 3.0, 4.5, 6.0])
-def test_growth_is_that_of_what_is_pushed_away(kind, z):
+def test_growth_is_that_of_an_unstable_rate(kind, z):
     """The rate of a wheel in the air has the growth rate z per step. Each stage of the step multiplies it by 1 / (1 -
     gamma z).
     """

@@ -93,7 +93,7 @@ class Half(NoLimit):
     ],
     ids=["function", "subclass", "limit of a user", "limited subclass", "slip control under a user's limit"],
 )
-def test_what_a_user_wrote_is_asked(controller):
+def test_a_users_parts_are_called_from_python(controller):
     case = scenario("flat", soil="table-1", duration=1.0)
     assert commands_of(controller, 6) is None
     trace = simulate(case.model, controller, 1.0, case.start)

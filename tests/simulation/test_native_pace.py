@@ -130,7 +130,7 @@ def test_the_compiled_pace_takes_the_steps_of_the_plain_one(compiled, seed):
     assert np.all(ours.saved[-2:] == 7.0), "written beyond the room"
 
 
-def test_a_script_meets_what_a_pace_decides():
+def test_a_script_reaches_every_decision_on_the_step():
     """Over all seeds, the scripts contain repeated steps, steps of all sizes, and all statuses."""
     sizes, decisions = set(), set()
     for seed in range(SEEDS):

@@ -69,7 +69,7 @@ def traces():
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_drive_says_what_it_came_to(traces, name):
+def test_a_drive_states_its_outcome(traces, name):
     kind, words = CASES[name][2:]
     assert drive_outcome(traces[name]).kind == kind
     assert words in traces[name].attrs["outcome"]
@@ -114,7 +114,7 @@ def test_creeping_wheels_are_reported_by_speed_and_duty_share(traces):
     assert "wheel turns" not in outcome
 
 
-def test_a_measured_trace_without_the_truth_says_nothing(traces):
+def test_a_measured_trace_without_the_truth_has_no_outcome(traces):
     bare = {name: traces["flat"][name] for name in ("t_s", "body_x", "body_y", "wheel_rate_fl", "duty_fl")}
     assert drive_outcome(Trace(bare)) is None
     assert "outcome" not in Trace(bare).summary()
@@ -123,7 +123,7 @@ def test_a_measured_trace_without_the_truth_says_nothing(traces):
 @pytest.mark.parametrize(
     ("slope", "kind"), [(1.0, "drives on"), (5.0, "drives on"), (15.0, "slides aside"), (25.0, "slides aside")]
 )
-def test_what_slides_aside_does_not_just_drive_on(slope, kind):
+def test_a_rover_that_slides_sideways_does_not_just_drive_on(slope, kind):
     """The rover drives across a slope of the paper's sand. The stated speeds are those of the body along and across its
     heading.
     """
@@ -139,7 +139,7 @@ def test_what_slides_aside_does_not_just_drive_on(slope, kind):
 
 @pytest.mark.parametrize(("rover", "at_full_duty"), [("cart", 0.153), ("nexus6", 0.106)])
 @pytest.mark.parametrize("duty", [1e-5, 0.01, 0.03, 0.1])
-def test_what_the_soil_rocks_is_told_by_its_mean_way(rover, at_full_duty, duty):
+def test_a_rocking_rover_is_described_by_its_mean_motion(rover, at_full_duty, duty):
     """A cart without resistance, at a duty of 1e-5, swings with a speed of 0.019 m/s. Only its mean motion counts,
     which has the sign of its duty.
     """
@@ -153,7 +153,7 @@ def test_what_the_soil_rocks_is_told_by_its_mean_way(rover, at_full_duty, duty):
 
 
 @pytest.mark.parametrize("duty", [1e-5, 0.01])
-def test_what_rolls_back_against_its_duty_does_not_drive_on(duty):
+def test_a_rover_that_rolls_back_does_not_drive_on(duty):
     trace = scenario("park", rover="cart", duration=10.0, **{"control.delta": duty}).drive()
     assert re.search(r" at 0\.001\d m/s, at x = -0\.0", trace.attrs["outcome"])
     assert drive_outcome(trace).kind == "slid back"

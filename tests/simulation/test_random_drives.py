@@ -149,7 +149,7 @@ def test_a_few_random_drives_are_sound():
     assert_sound(range(FEW))
 
 
-def test_a_start_that_the_soil_throws_off_is_told():
+def test_a_start_that_the_soil_ends_is_reported():
     """The drive of seed 47 starts where the torque form is unstable at S = 0. The energy that the soil gave equals the
     energy of rover and motors.
     """
@@ -178,7 +178,7 @@ def test_a_rest_stays_though_a_push_throws_it_off():
 
 
 @pytest.mark.xfail(strict=True, reason="longer steps and shorter ones all stay: none of them tells an unstable rest")
-def test_a_rest_that_a_push_throws_off_is_told():
+def test_a_rest_that_a_push_ends_is_reported():
     assert says(random_drives.drive(651).drive(Timing()), STEP)
 
 

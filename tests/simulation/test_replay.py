@@ -131,7 +131,7 @@ class Lurch(MotorEffect):
         return self.tau * ca.tanh(drive.omega / 0.1)
 
 
-def test_a_replay_follows_what_runs_away_within_a_row():
+def test_a_replay_follows_a_growth_within_a_row():
     """With steps of 17 ms, every third of which ends at a row, the wheels would pass through rest with errors of up to
     1.4 rad/s.
     """

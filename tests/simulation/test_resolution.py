@@ -140,7 +140,7 @@ def test_too_stiff_ground_is_refused_in_one_sentence():
         parts(stiff, state, (MAX_PARTS + 0.5) * 1.2 / omega)
 
 
-def test_steps_that_miss_the_load_say_so_or_are_halved(monkeypatch):
+def test_steps_that_miss_the_load_give_a_warning_or_are_halved(monkeypatch):
     """The step is not divided here. Without the error estimate a warning is given; with it, the drive is repeated at a
     stable step.
     """
@@ -255,7 +255,7 @@ def test_step_with_mispredicted_forces_is_repeated_in_quarters():
     assert len(stub.tried) > len(stub.kept)
 
 
-def test_steps_are_as_long_as_asked_where_no_force_turns():
+def test_steps_have_the_requested_length_where_no_force_changes():
     stub = Rough((0.0, 0.0), 1.0)
     driven(stub)
     assert stub.tried == [64.0] * 8
@@ -288,7 +288,7 @@ def rows_of(model, count, duration=3.0):
 
 
 @pytest.mark.parametrize("rise", [0.0, 0.6])
-def test_what_carries_more_than_the_weight_speeds_up_the_rover(rise):
+def test_a_load_above_the_weight_accelerates_the_rover(rise):
     """Newton's second law: I . up = m g T + m dv. Momentum along the slope does not count as weight."""
     model = scenario("flat").model
     model = dataclasses.replace(model, rover=model.rover.rising(rise, 0.0))
@@ -327,7 +327,7 @@ def test_an_energy_account_may_be_off_by_one_percent_of_its_greatest(share, warn
     assert bool(balance_warning(off)) is warns
 
 
-def test_energy_that_does_not_balance_is_told():
+def test_energy_that_does_not_balance_is_reported():
     trace = scenario("flat", duration=1.0).drive()
     assert balance_warning(trace) == ""
     gained = trace["energy_motor"] + np.linspace(0.0, 0.1 * np.ptp(trace["energy_motor"]), len(trace.t))

@@ -77,7 +77,7 @@ def test_rovers(name, load):
         compare(model, *random_state(model, rng))
 
 
-def test_what_a_rover_carries_is_no_new_function():
+def test_an_added_mass_needs_no_new_function():
     plain, loaded = (tree_of(rover.model) for rover in (load_rover("nexus6"), load_rover("nexus6").carrying(3.0)))
     assert plain.joints == loaded.joints
     assert not np.array_equal(plain.parameters, loaded.parameters)
@@ -124,7 +124,7 @@ def test_random_trees(made):
 
 
 @pytest.mark.parametrize("name", ["nexus6", "cart"])
-def test_the_compiled_body_is_what_pinocchio_says(name):
+def test_the_compiled_body_agrees_with_pinocchio(name):
     """The energies and the inputs of the step come from the compiled form of the generated function."""
     rover = load_rover(name)
     soil = Soil()

@@ -34,7 +34,7 @@ def sheared(trace, slip, load):
 
 
 @pytest.mark.parametrize("top", [0.05, 0.6, -0.4, -1.0])
-def test_what_was_stored_comes_back_at_a_steady_load(flat, top):
+def test_stored_energy_comes_back_at_a_steady_load(flat, top):
     """The stored energy L f_n int M ds is computed by quadrature over a slip that rises and falls. At the end nothing
     remains stored.
     """

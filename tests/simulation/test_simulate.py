@@ -184,7 +184,7 @@ def test_commands_are_checked():
         (lambda: made("flat").effect(GearFriction), "GearFriction"),
     ],
 )
-def test_what_is_refused_is_said(call, words):
+def test_a_refusal_names_the_value(call, words):
     with pytest.raises(RoverPinError, match=words):
         call()
 

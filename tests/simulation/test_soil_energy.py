@@ -49,7 +49,7 @@ def test_the_rate_of_a_wheel_is_that_of_the_world():
 
 
 @pytest.mark.parametrize("fall", [0.0, 0.02])
-def test_what_pressed_a_wheel_in_comes_back_as_it_lifts(fall):
+def test_the_energy_of_pressing_comes_back_when_a_wheel_lifts(fall):
     """f_n ~ h^(n + 1/2) holds the integral of f_n dh (by trapezia); only a fall beyond that is from nowhere."""
     model, trace = driven("flat", duration=1.0)
     h = np.concatenate([np.linspace(0.004, 0.001, 1001), np.linspace(0.001, 0.003, 1001)])
@@ -104,7 +104,7 @@ def test_a_drive_notes_where_sinking_or_rising_costs_nothing(add, settings, mess
     assert all(word in note for words, note in zip(message, notes, strict=True) for word in words)
 
 
-def test_traction_that_gives_is_told():
+def test_traction_that_creates_energy_is_reported():
     model, trace = driven("flat", duration=1.0)
     for name in WHEELS:
         trace.channels[f"torque_{name}"] = 0.5 * trace[f"torque_{name}"]

@@ -48,7 +48,7 @@ def assert_placed(state, start):
 @pytest.mark.parametrize("form", ["net", "torque", "gross"])
 @pytest.mark.parametrize("k", [1e-3, 2.5e-3, 0.05])
 @pytest.mark.parametrize("angle", [5.0, 15.0])
-def test_a_rover_rests_where_and_how_it_was_asked_to(form, k, angle):
+def test_a_rover_rests_at_the_requested_position_and_heading(form, k, angle):
     """Every heading on a slope; the balance is that of the plain step, and no wheel shears beyond its strength."""
     model = model_on(shapes.incline(math.radians(angle), -5.0), Soil(k=k), form)
     for yaw in np.linspace(-math.pi, math.pi, 9):
@@ -62,7 +62,7 @@ def test_a_rover_rests_where_and_how_it_was_asked_to(form, k, angle):
         assert plain.loads[:, 2].sum() == pytest.approx(model.rover.mass * model.gravity, rel=1e-4)
 
 
-def test_the_issue_s_stiff_sand_starts_where_asked_and_stays():
+def test_a_rover_on_stiff_sand_starts_at_its_place_and_stays():
     """k = 1 mm, net form, across a slope of 5 deg: it used to start 30 mm off, turned by 10 deg."""
     drive = scenario(
         "park", soil="table-1", form="net", **{"soil.k": 0.001, "terrain.angle_deg": 5.0, "start.yaw_deg": 90.0}
@@ -86,7 +86,7 @@ def test_any_ground_that_carries_lets_a_rover_rest(k_1, n):
     assert_placed(down.state, start)
 
 
-def test_ground_too_steep_is_said_to_slide_and_starts_unsheared():
+def test_ground_too_steep_lets_the_rover_slide_from_unsheared_soil():
     model = scenario("park", soil="table-1", **{"terrain.angle_deg": 25.0}).model
     down = set_down(model, Start(x=0.1))
     assert down.standing == SLIDES

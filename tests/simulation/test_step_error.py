@@ -84,7 +84,7 @@ def test_the_error_is_that_of_a_drive_at_a_sixteenth(scene, duration):
     assert apart(trace, finest(case, trace)) <= trace.attrs["step_error_m"] + (duration > 2.0) * 1e-6
 
 
-def test_an_on_board_estimate_is_asked_anew():
+def test_an_on_board_estimate_is_called_again_in_each_drive():
     """Its commands follow from what it believes: a drive under those that it gave would know no error of theirs."""
     case = scenario("hills", control="onboard", duration=3.0)
     case.drive(measure_error=False)
@@ -150,7 +150,7 @@ def test_a_refined_drive_takes_its_usual_steps_in_parts():
     assert ends[0] == pytest.approx(ends[1], abs=1e-6)
 
 
-def test_a_controller_of_ones_own_is_asked_once_and_told():
+def test_a_user_controller_is_called_once_and_the_note_states_this():
     call_times = []
     user_law = lambda reading: call_times.append(reading.t) or 0.3 + 0.1 * np.sin(8.0 * reading.t)  # noqa: E731
     trace = simulate(scenario("flat").model, user_law, 1.0, timing=Timing(tolerance=1e-9))
@@ -158,13 +158,13 @@ def test_a_controller_of_ones_own_is_asked_once_and_told():
     assert any("exceeds the tolerance" in warning for warning in trace.attrs["warnings"])
 
 
-def test_what_halving_does_not_lessen_is_told():
+def test_an_error_that_halving_does_not_reduce_is_reported():
     change = StepChange(1e-3, 0.0, "", 2.0)
     assert "give a smaller dt" in change.warning(1e-4)
     assert "no step" in change._replace(lessens=False).warning(1e-4)
 
 
-def test_what_falls_by_more_than_second_order_fell_by_chance():
+def test_a_fall_by_more_than_second_order_counts_as_chance():
     """Two drives that pass the same side of what divides them: the one at half the step is no surer for it."""
     change = StepChange(8e-3, 0.04, "buried: wheel FL", 2.0)
     assert change.half_step_change() == StepChange(2e-3, 0.01, "", 2.0)
@@ -201,7 +201,7 @@ def test_commands_are_repeated_where_the_rows_hold_them(control, is_same):
 
 
 @pytest.mark.parametrize("within", ["sensors", "limit"])
-def test_what_holds_ones_own_controller_does_not_ask_it_again(within):
+def test_a_wrapper_does_not_call_a_users_controller_again(within):
     model, call_times = scenario("flat").model, []
     user_law = lambda reading: call_times.append(reading.t) or 0.3  # noqa: E731
     wrapped = (
@@ -235,7 +235,7 @@ def test_measuring_leaves_controller_and_drive_as_they_were():
     assert all(doubted[name].tobytes() == without[name].tobytes() for name in without.channels)
 
 
-def test_the_package_s_controllers_start_anew():
+def test_the_packages_controllers_are_reset():
     case = scenario("ditch", duration=0.5, control="true")
     trace = case.drive()
     again = repeating(case.controller, rows_at(trace["body_x"], case.model), Timing())

@@ -103,7 +103,7 @@ def test_integrals_of_the_depth_over_an_arc(parts, n, h):
 
 
 @pytest.mark.parametrize("kind", [Kernel, PlainStepper])
-def test_wheels_held_to_a_rate_have_it_and_what_it_takes_is_told(kind):
+def test_wheels_held_to_a_rate_have_it_and_report_the_torque(kind):
     """In the air: the torque is that of inverse dynamics for the acceleration that came of it, at half-way speeds."""
     model = scenario("flat").model.having(SupplySag())
     state = settled_state(model, Start())
@@ -127,7 +127,7 @@ def test_wheels_held_to_a_rate_have_it_and_what_it_takes_is_told(kind):
 MODEL = scenario("flat").model
 
 
-def test_a_plain_step_whose_numbers_are_lost_says_so():
+def test_a_plain_step_reports_numbers_that_are_not_finite():
     begun = settled_state(MODEL, Start())
     begun.v[0] = math.nan
     assert PlainStepper(MODEL, begun, 0.005, False).step() == 1
@@ -158,7 +158,7 @@ def coupled_system(model, coupled, together, rng):
 @pytest.mark.parametrize("is_held", [True, False])
 @pytest.mark.parametrize("pushed", [True, False])
 @pytest.mark.parametrize("name", ["nexus6", "cart", "nexus6_links"])
-def test_elimination_within_what_is_listed_solves(name, pushed, is_held):
+def test_elimination_within_the_listed_entries_solves(name, pushed, is_held):
     rover = load_rover(name)
     together = [*range(6), *suspension_dofs(rover)] if pushed else []
     coupled = [(coupling.follower, coupling.leader) for coupling in rover.couplings]
@@ -181,7 +181,7 @@ def test_elimination_within_what_is_listed_solves(name, pushed, is_held):
     assert b[order] == pytest.approx(expected, rel=1e-10, abs=1e-12)
 
 
-def test_wheels_meet_only_what_bears_them():
+def test_wheels_depend_only_on_the_joints_that_carry_them():
     """Of Nexus 6's 20 velocities a front wheel meets the base's, its steering's and the left rocker's."""
     rover = load_rover("nexus6")
     order, above = elimination(rover.model, [(rover.differential.right, rover.differential.left)], [])
@@ -217,7 +217,7 @@ def beside(case, change):
 
 
 @pytest.mark.parametrize("least", [2.0, 0.9])
-def test_a_small_pivot_is_solved_with_exchanged_rows_and_told(changed, least):
+def test_a_small_pivot_is_solved_with_exchanged_rows_and_reported(changed, least):
     """A step that takes every pivot for too small gives the same drive, and counts; so if it is half done by then."""
     case = scenario("ditch")
     plain, second = beside(case, lambda: changed("#define LEAST_PIVOT 1e-12", f"#define LEAST_PIVOT {least}"))

@@ -186,13 +186,13 @@ def test_zig_builds_for_any_processor_of_its_kind(monkeypatch):
     assert not [flag for flag in toolchain.FLAGS if flag.startswith(("-march", "-mcpu", "-mtune"))]
 
 
-def test_no_compiler_is_said(monkeypatch):
+def test_a_missing_compiler_is_reported(monkeypatch):
     monkeypatch.setattr(toolchain, "compiler", lambda: None)
     with pytest.raises(MissingExtraError, match="ziglang"):
         toolchain.shared_library(SOURCE, "twice")
 
 
-def test_a_failing_compiler_is_said(cache):
+def test_a_failing_compiler_is_reported(cache):
     with pytest.raises(MissingExtraError, match=r"CC.*works"):
         toolchain.shared_library("this is not C\n", "broken")
     assert not list(cache.iterdir())

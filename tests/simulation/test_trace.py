@@ -157,7 +157,7 @@ def test_a_parquet_of_others_is_a_run_too(tmp_path):
     assert load_trace(tmp_path / "run.parquet")["count"][3] == 3.0
 
 
-def test_saving_what_cannot_be_saved(tmp_path):
+def test_values_that_cannot_be_saved_are_refused(tmp_path):
     strange = Trace({"t_s": T}, {}, {"rig": object()})
     with pytest.raises(DataError, match="'rig' = <object object"):
         save_trace(strange, tmp_path / "log")

@@ -29,7 +29,7 @@ def test_true_causes_are_kept_however_improbable():
 
 
 @pytest.mark.parametrize(("second", "nats"), [(5.0, 5.0), (-5.0, 0.0)])
-def test_what_is_on_no_list_shows_beside_a_quiet_base(second, nats):
+def test_an_unlisted_effect_is_noticed_next_to_a_quiet_base(second, nats):
     rows = [SimpleNamespace(names=(), discrepancy=kind) for kind in (Discrepancy.NONE, Discrepancy.SMOOTH)]
     beliefs = SimpleNamespace(scores=np.array([0.0, second]), hypotheses=rows)
     assert math.isclose(more_than_noise(beliefs), nats)

@@ -17,7 +17,7 @@ def table():
     return study.rows(study.driven(log, STUDIES / "results" / "steepening-slope")).set_index("run").loc[CLIMBS]
 
 
-def test_the_elevation_stops_only_with_what_was_found(table):
+def test_the_elevation_stops_only_with_the_found_effect(table):
     """'The elevation keeps rising ... because the digging and sinking process is not modeled' (section 4.2)."""
     assert table.loc["climb-1", "late, log"] < 3.0
     logged, with_found = table["late, log"], table[f"late, {study.FOUND}"]

@@ -10,6 +10,6 @@ ROWS = pd.read_csv(RESULTS / "mutation.csv")
 LEFT = pd.read_csv(RESULTS / "mutation_survivors.csv")
 
 
-def test_what_was_not_noticed_is_listed():
+def test_unnoticed_mutations_are_listed():
     counted = LEFT.groupby("room").size().reindex(ROWS["room"], fill_value=0)
     assert counted.tolist() == ROWS["not noticed"].tolist()

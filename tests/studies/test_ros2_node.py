@@ -222,7 +222,7 @@ def test_the_node_drives_as_the_same_control_in_one_drive(start):
     assert dict(zip(joints.name, joints.position, strict=True))["rocker_l"] == pytest.approx(trace["rocker_l"][-1])
 
 
-def test_what_is_sent_holds_together(start):
+def test_sent_messages_describe_one_motion(start):
     """Pose, twist and joint angles describe one motion, and the joints are those of the URDF."""
     graph = start(rover="cart")
     drive(graph, 6.0, x=0.03, yaw_rate=0.05)
@@ -256,7 +256,7 @@ def test_without_commands_the_rover_stands(start):
     assert abs(graph.last("odom").twist.twist.linear.x) < 0.02 * moving
 
 
-def test_what_motors_cannot_reach_is_said_and_not_obeyed(start):
+def test_a_command_beyond_the_motors_is_reported_and_limited(start):
     graph = start()
     drive(graph, 0.4, x=0.02)
     command(graph, x=5.0)
@@ -294,7 +294,7 @@ def test_a_recorded_bag_is_imported(start, tmp_path):
         assert values == pytest.approx(trace[name][late], abs=1e-2 * np.ptp(trace[name]) + 1e-9), name
 
 
-def test_the_packages_files_name_what_the_node_needs():
+def test_the_packages_files_name_the_needs_of_the_node():
     manifest, setup = ((PACKAGE / name).read_text(encoding="utf-8") for name in ("package.xml", "setup.py"))
     code = (PACKAGE / "rover_pin_node" / "node.py").read_text(encoding="utf-8")
     needed = {"rclpy", *re.findall(r"^from (\w+_msgs)\.msg", code, re.MULTILINE)}

@@ -62,7 +62,7 @@ def test_a_benchmark_runs_quickly(file, tmp_path):
 
 
 @pytest.mark.parametrize("file", STUDIES, ids=lambda file: file.stem)
-def test_a_study_says_what_it_asks_and_what_it_finds(file):
+def test_a_study_states_its_question_and_its_result(file):
     text = file.read_text()
     docstring = text.split('"""')[1]
     for section in SECTIONS:

@@ -10,7 +10,7 @@ import pytest
 import wheel_laws as study
 
 
-def test_a_braked_wheel_ploughs_as_its_volume_says():
+def test_a_braked_wheel_ploughs_by_its_volume():
     """The held-out errors are 0.57 N and 1.53 mm, with a_b = 0.98; the aim was at most 2 N and 2 mm."""
     data = study.read_rig_set(study.DATA / "cmu-smooth-wheel-skid")
     (row,) = study.compared("braked", data, {"ploughing": study.LAWS["braked"]["ploughing"]}, 1.51)[:1]
@@ -27,7 +27,7 @@ def read(study):
     return {name: study.read_rig_set(study.DATA / f"cmu-{folder}") for name, folder in study.FOLDERS.items()}
 
 
-def test_the_authors_model_is_as_far_off_as_the_table_says():
+def test_the_authors_model_has_the_errors_of_the_table():
     """Nothing is fitted here: their sinkage carries the load, and their side force changes its sign with the slip
     angle.
     """

@@ -76,7 +76,7 @@ def test_a_film_plays_from_the_drives_first_second_to_its_last(run):
     assert len(frames.stdout) > 10 * 600 * 250  # ten pictures of the size that they are drawn at
 
 
-def test_what_is_missing_is_said(run, log, monkeypatch):
+def test_a_missing_package_is_reported(run, log, monkeypatch):
     monkeypatch.setattr("rover_pin.cli.commands.export.find_spec", lambda name: None)
     assert 'pip install "rerun-sdk>=0.23"' in run("export", "log", "--to", "rerun")[2]
     assert 'pip install "mcap>=1.1"' in run("export", "log", "--to", "mcap")[2]
@@ -101,7 +101,7 @@ def test_plots_have_the_channels_of_the_trace():
     assert not data["events"]
 
 
-def test_a_stuck_drive_says_since_when():
+def test_a_stuck_drive_states_its_time():
     film = filmed("ditch", soil="table-1", duration=12.0)
     (event,) = events_of(film)
     assert event.words == "stuck"

@@ -30,7 +30,7 @@ def film_of(driven):
     return Film.of(trace, hypothesis.model.rover, hypothesis.model.terrain)
 
 
-def test_wheels_stand_on_the_ground_sunk_by_their_sinkage(driven):
+def test_wheels_lie_below_the_ground_by_their_sinkage(driven):
     hypothesis, trace = driven
     film, wheels = film_of(driven), hypothesis.model.rover.wheels
     up = hypothesis.model.terrain.normal(0.0, 0.0)
@@ -56,7 +56,7 @@ def test_forces_carry_the_weight_and_push_along_the_travel(driven):
 
 
 @pytest.mark.parametrize("name", ["nexus6", "cart"])
-def test_what_was_not_recorded_is_taken_from_the_ground(name):
+def test_a_missing_pose_is_taken_from_the_ground(name):
     """The rover is set down on a slope by the simulator, and its recorded height and attitude are then removed."""
     case = scenario("cross-slope", rover=name, duration=0.2, **{"terrain.angle": "8deg"})
     trace = case.drive()
@@ -138,7 +138,7 @@ def test_a_drive_that_turns_is_seen_from_above(turn, across, side, above):
     assert [axes.get_ylabel() for axes in _figure(film, None)[0].axes] == ["z [m]"] * side + ["y [m]"] * above
 
 
-def test_wheel_colours_are_explained_beside_their_slip(driven):
+def test_wheel_colours_are_explained_next_to_their_slip(driven):
     axes = Figure().add_subplot()
     _slip(axes, film_of(driven), None)
     (strip,) = axes.child_axes

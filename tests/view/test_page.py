@@ -44,7 +44,7 @@ def test_the_page_of_a_drive_is_opened_in_the_browser(run, monkeypatch):
     assert opened == [Path("out/drive/view.html").resolve().as_uri()]
 
 
-def test_where_there_is_no_browser_it_is_said(run, monkeypatch):
+def test_a_missing_browser_is_reported(run, monkeypatch):
     monkeypatch.setattr("webbrowser.open", lambda page: False)
     code, _, err = run("drive", "flat", "--set", "duration=0.2", "--open")
     assert code == 0
@@ -75,14 +75,14 @@ def test_a_log_is_seen_with_another_as_its_ghost(run):
     ("words", "sentence"),
     [(("view", "gone"), "drive log (drive.toml)"), (("view", "log", "--run", "none"), "run 'none'")],
 )
-def test_what_cannot_be_seen_is_refused_in_one_sentence(run, words, sentence):
+def test_a_drive_that_cannot_be_shown_is_refused_in_one_sentence(run, words, sentence):
     scenario("flat", duration=0.2).write_log(scenario("flat", duration=0.2).drive(), "log")
     code, _, err = run(*words)
     assert code == 2
     assert sentence in err
 
 
-def test_a_missing_viser_or_ffmpeg_is_said_before_the_drive(run, monkeypatch):
+def test_a_missing_viser_or_ffmpeg_is_reported_before_the_drive(run, monkeypatch):
     monkeypatch.setattr(util, "find_spec", lambda name: None)
     monkeypatch.setattr("rover_pin.cli.commands.view.find_spec", lambda name: None)
     assert 'needs viser. Run `pip install "viser>=1.0"`' in run("drive", "flat", "--view")[2]

@@ -85,7 +85,7 @@ def test_vectors_notice_a_number_that_is_otherwise(tmp_path):
 
 
 @pytest.mark.parametrize("control", ["eq9", "cmd-vel"])
-def test_the_test_program_says_why_it_ends_without_a_test(control, tmp_path):
+def test_the_test_program_states_why_it_ends_without_a_test(control, tmp_path):
     chosen = scenario("ditch", control=control)
     write_control(control_export(chosen.controller, chosen.model), tmp_path)
     program = built(tmp_path)
@@ -122,14 +122,14 @@ def test_cmake_builds_and_tests_it(tmp_path):
         assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_command_writes_and_says_how_to_build(tmp_path):
+def test_command_writes_and_states_how_to_build(tmp_path):
     done = CliRunner().invoke(app, ["export-c", "ditch", "--control", "eq9", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
     assert "cc -std=c11" in done.output
     assert stepped(built(tmp_path)).returncode == 0
 
 
-def test_an_estimate_that_begins_anew_has_forgotten_all():
+def test_a_reset_estimate_has_no_memory():
     library = export(control="onboard")
     first, second = list(vectors(library, 100)), list(vectors(library, 200))[100:]
     estimate = library.on_board

@@ -181,7 +181,7 @@ def test_a_state_is_restored_here_and_in_another_instance(opened):
 
 
 @pytest.mark.slow
-def test_soil_may_change_on_the_way_and_reset_begins_anew(opened):
+def test_soil_may_change_during_a_drive_and_a_reset_restarts(opened):
     firm, weak = opened("incline"), opened("incline")
     for unit in (firm, weak):
         unit["duty"] = np.full(6, 0.6)
@@ -200,7 +200,7 @@ def test_soil_may_change_on_the_way_and_reset_begins_anew(opened):
     ("name", "values"), [("duty", [1.5] * 6), ("duty", [np.nan] * 6), ("duty", [0.5] * 5), ("slip", [0.0] * 6),
                          ("soil.k", [-1.0])]
 )  # fmt: skip
-def test_what_is_not_allowed_is_refused(opened, name, values):
+def test_values_that_are_not_allowed_are_refused(opened, name, values):
     unit = opened("flat")
     before = unit["duty"]
     with pytest.raises(Exception, match="fmi3SetFloat64"):
@@ -227,7 +227,7 @@ def test_a_buried_rover_ends_its_simulation(opened):
         unit.step()
 
 
-def test_command_writes_both_and_says_what_they_take(tmp_path):
+def test_command_writes_both_and_lists_their_inputs(tmp_path):
     done = CliRunner().invoke(app, ["export-fmu", "flat", "--control", "eq9", "--out", str(tmp_path), "--json"])
     assert done.exit_code == 0, done.output
     assert "wheel_rate" in done.output

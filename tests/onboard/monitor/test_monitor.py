@@ -39,7 +39,7 @@ def digging_incline(c_d):
     return {"soil.k": 0.03, "terrain.angle_deg": 9.0, "terrain.start": 0.5, "add": add}
 
 
-def test_nothing_is_said_of_a_steady_drive_on_flat_sand():
+def test_a_steady_drive_on_flat_sand_has_no_warning():
     watch, _ = beside("flat", 10.0, **{"soil.k": 0.01})
     assert max(forecast.p_stuck for forecast in watch.forecasts) < 0.05
     assert not any(forecast.alarm or forecast.cause for forecast in watch.forecasts)
@@ -59,7 +59,7 @@ def test_a_burial_is_warned_of_two_seconds_before_and_is_digging():
 
 
 @pytest.mark.parametrize("c_d", [0.0, 0.15])
-def test_forces_tell_whether_the_ground_digs(c_d):
+def test_forces_show_whether_the_wheels_dig(c_d):
     """The forces of a moving rover show whether its wheels dig, because only a hole explains the resistance of the
     hole's rim.
     """

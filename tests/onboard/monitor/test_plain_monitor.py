@@ -58,7 +58,7 @@ def compare(monitor, plain, where):
 
 
 @pytest.mark.parametrize("name", DRIVES)
-def test_both_monitors_say_the_same_of_a_drive(name):
+def test_both_monitors_agree_in_a_drive(name):
     scene, duration, settings = DRIVES[name]
     scene = scenario(scene, soil="table-1", duration=duration, **settings)
     monitor, inner = Monitor.of(scene.model), ConstantDuty()
@@ -109,7 +109,7 @@ def drawn(monitor, random, hard):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_both_monitors_say_the_same_of_any_belief(monitor, seed):
+def test_both_monitors_agree_for_any_belief(monitor, seed):
     random, plain = np.random.default_rng(seed), plain_of(monitor)
     monitor.reset()
     p_stuck = []
