@@ -1,4 +1,9 @@
-"""A simulated drive log: six runs in both directions over waves and a slope, with varying duty and sensor noise."""
+"""Simulated drives of a rover in both directions over waves and a slope, with varying duty and sensor noise.
+
+`write` writes six runs as a drive log. `write_recording` writes four runs as a logger would record them: with names and
+units of its own, and without a declared ground, soil or motor. The command `import-log` makes a drive log of such a
+recording.
+"""
 
 import dataclasses
 import math
@@ -7,7 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from rover_pin.base.files.paths import named_from
+from rover_pin.base.files.table import columns_text
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.quantity import as_table
+from rover_pin.demo import SETS
 from rover_pin.demo.hidden import DRIVEN, DemoSet, choose_hidden, keep_truth
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
@@ -51,6 +59,28 @@ MOTOR_SD, TACHO_SD = 0.01, 0.005
 """Standard deviations of the differences between wheels, as fractions [-] (assumed). MOTOR_SD holds for the motor
 torque, and TACHO_SD for the gain of the tachogenerator, which is the sensor of the wheel rate. The differences are part
 of the true model, because real motors and sensors differ too, but they do not count as the hidden effect."""
+RECORDED_RUNS = 4
+"""Number of runs in the recording. The last two runs repeat the first two. Between two runs the rover is carried back
+to a start."""
+PAUSE = 60.0
+"""Time between two runs in which nothing is recorded [s] (assumed). The import finds the runs by this gap in the
+time."""
+RPM = 30.0 / math.pi
+"""Factor from rad/s to revolutions per minute."""
+BODY_COLUMNS = {
+    "x_mm": ("body_x", 1e3),
+    "y_mm": ("body_y", 1e3),
+    "z_mm": ("body_z", 1e3),
+    "roll_deg": ("body_roll", math.degrees(1.0)),
+    "pitch_deg": ("body_pitch", math.degrees(1.0)),
+    "heading_deg": ("body_yaw", math.degrees(1.0)),
+    "battery_V": ("battery_V", 1.0),
+}
+"""Column of the recording -> channel of the simulated sensors, and factor from its SI unit to the unit of the
+column."""
+WHEEL_COLUMNS = {"pwm_{}_percent": ("duty_{}", 1e2), "rpm_{}": ("wheel_rate_{}", RPM), "i_{}_mA": ("current_{}_A", 1e3)}
+"""Columns that exist once for each wheel -> channel of the simulated sensors, and factor from its SI unit to the unit
+of the column. The name of the wheel replaces the braces."""
 
 
 def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress: Progress | None = None) -> DemoSet:
@@ -99,6 +129,54 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
     )
     write_drive_log(folder, traces, metadata)
     return DemoSet((folder / "drive.toml", *(folder / f"{name}.csv" for name in traces)), truth)
+
+
+def write_recording(
+    folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress: Progress | None = None
+) -> DemoSet:
+    """Simulate drives of a rover, and write them as one CSV file, whose clock jumps between two drives.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the recording.
+    hidden : str
+        The effect to hide, in words such as "SupplySag.R_b=3"; "any" for a random choice, "nothing" for none.
+    seed : int
+        Seed of the duties, the noise and the random choice.
+    rover : str
+        Name of a rover or path of its URDF file.
+    progress : callable, optional
+        Called with the number of finished runs.
+
+    Returns
+    -------
+    DemoSet
+        The file of the recording, and the truth that it does not contain.
+
+    Raises
+    ------
+    ParameterError
+        If the effect is unknown, or if this rover cannot have it.
+    DataError, UrdfError, SimulationError
+        If the folder cannot be written to, the rover cannot be read, or the rover does not drive.
+    """
+    random, model = np.random.default_rng(seed), declared_model(rover)
+    true, effect = hidden_model(model, hidden, random)
+    wheels = [wheel.name for wheel in model.rover.wheels]
+    tables, begin = [], 0.0
+    for trace in measured_runs(true, random, RECORDED_RUNS, progress).values():
+        # Names, units and the number of digits are those of a logger, whose clock counts the time of the recording.
+        columns = {"time_ms": np.round(1e3 * (begin + trace.t))}
+        for name, (channel, factor) in BODY_COLUMNS.items():
+            columns[name] = np.round(factor * trace[channel], 3)
+        for name, (channel, factor) in WHEEL_COLUMNS.items():
+            columns |= {name.format(wheel): np.round(factor * trace[channel.format(wheel)], 4) for wheel in wheels}
+        tables.append(columns)
+        begin += float(trace.t[-1]) + PAUSE
+    rows = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+    truth = keep_truth(folder, effect, true.soils[0], {"seed": seed})
+    return DemoSet((replace_file(folder / SETS["recording"], columns_text(rows)),), truth)
 
 
 def measured_runs(

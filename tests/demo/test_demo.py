@@ -8,8 +8,9 @@ import tomllib
 import numpy as np
 import pytest
 
-from rover_pin.demo import drive_log, recording, rig, slip_slope
+from rover_pin.demo import drive_log, rig, slip_slope
 from rover_pin.demo.hidden import truth_file
+from rover_pin.discrepancy.answer import Answer
 from rover_pin.experiments.slip_slope import SlipSlope
 from rover_pin.importing.import_log import import_log
 from rover_pin.logs.drive_log import read_drive_log
@@ -87,15 +88,15 @@ def test_motors_and_tracker_of_a_synthetic_drive_are_imperfect(tmp_path):
 
 def test_a_recording_is_imported_as_it_was_driven(tmp_path):
     """The importer finds each run and recovers the sensors' readings from the logger's names and units."""
-    made = recording.write(tmp_path / "made", "SupplySag.R_b=3", 0)
+    made = drive_log.write_recording(tmp_path / "made", "SupplySag.R_b=3", 0)
     assert "SupplySag" not in made.files[0].read_text()
     import_log(made.files, out=tmp_path / "log")
     log = read_drive_log(tmp_path / "log")
     # The same random numbers drive the same rover, in as many runs.
     random = np.random.default_rng(0)
     true, _ = drive_log.hidden_model(drive_log.declared_model("nexus6"), "SupplySag.R_b=3", random)
-    driven = drive_log.measured_runs(true, random, recording.RUNS).values()
-    assert len(log.runs) == recording.RUNS
+    driven = drive_log.measured_runs(true, random, drive_log.RECORDED_RUNS).values()
+    assert len(log.runs) == drive_log.RECORDED_RUNS
     for imported, trace in zip(log.runs, driven, strict=True):
         for channel, error in (("wheel_rate_mr", 1e-4), ("current_rl_A", 1e-6), ("duty_fr", 1e-5), ("battery_V", 1e-3),
                                ("body_pitch", 1e-4), ("body_z", 1e-5)):  # fmt: skip
@@ -125,5 +126,5 @@ def test_the_loop_finds_the_hidden_effect_of_the_rig(run, tmp_path):
     code, out, _ = run("close-loop", "made", "--json")
     assert code == 0
     verdict = json.loads(out)
-    assert (verdict["answer"], verdict["effects"]) == ("an effect is missing", ["SlipSinkage"])
+    assert (verdict["answer"], verdict["effects"]) == (Answer.NAMED.value, ["SlipSinkage"])
     assert truth_file(tmp_path / "made").is_file()

@@ -12,12 +12,15 @@ import pytest
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out_errors import ChannelScore, RunScore
 from rover_pin.discrepancy.verdict import Alternative
+from rover_pin.effects.names import meaning_of, title_of
+from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.numbers import Number
 from rover_pin.report.cause_sets import BASE_MODEL, best_held_out, cause_table, in_order_of_interest
 from rover_pin.report.drive.report import labels_of
 from rover_pin.report.headline import (
     MAX_HEADLINE_WORDS,
+    NOTHING_MISSING,
     full_answer,
     headline,
     improvement,
@@ -26,7 +29,7 @@ from rover_pin.report.headline import (
     supporting_reasons,
 )
 from rover_pin.report.verdict_page import answer_section, first_lines, first_screen
-from rover_pin.report.words import Labels, brief, pair, with_interval
+from rover_pin.report.words import Labels, brief, capital, pair, with_interval
 from rover_pin.simulation.model.effect_files import package_effects
 
 RIG = Labels("at slips that were not fitted", "levels of slip")
@@ -58,7 +61,7 @@ def test_rig_sentence_states_error_reduction_and_reason(rig):
 def test_the_full_answer_states_cause_size_and_confidence(verdict):
     """Numbers, units and intervals are those of the fit, and the probability is that of the beliefs."""
     said = full_answer(dataclasses.replace(verdict, beyond_noise={}), labels_of(verdict))
-    assert said.startswith("The bus voltage drops with the current that all motors draw (supply sag): R_b = ")
+    assert said.startswith(capital(f"{meaning_of(SupplySag)} ({title_of(SupplySag)}): R_b = "))
     for number in (number for number in verdict.after.numbers if number.name.startswith("SupplySag.")):
         match = re.search(rf"{number.name.partition('.')[2]} = ([\d.]+) \w+ \[([\d.]+), ([\d.]+)\]", said)
         numbers = tuple(map(float, match.groups()))
@@ -74,11 +77,10 @@ def test_a_residual_beyond_the_noise_is_stated_whatever_was_named(verdict):
     manner = labels_of(verdict)
     small, large = (dataclasses.replace(verdict, beyond_noise=ratios) for ratios in ({}, beyond))
     said = full_answer(large, manner).removeprefix(full_answer(small, manner))
-    assert said.startswith(" Something else acts as well")
     assert re.findall(r"([\d.]+) times", said) == ["6.0", "5.1", "3.7", "3"]
     assert manner.channel("wheel_rate_fl") in said
     assert "2 more" in said
-    assert headline(large, manner) == headline(small, manner).rstrip(".") + "; something else acts as well."
+    assert headline(large, manner).startswith(headline(small, manner).rstrip(".") + "; ")
 
 
 @pytest.mark.parametrize("answer", [Answer.LIKE, Answer.SET, Answer.NONE_FITS])
@@ -87,7 +89,8 @@ def test_a_contradiction_by_held_out_data_is_stated(answered, answer):
     overturned = dataclasses.replace(answered(answer), overturned=(reason,))
     manner = labels_of(overturned)
     assert full_answer(overturned, manner).endswith(reason.replace("TetherDrag", "tether drag"))
-    assert headline(overturned, manner).endswith("held-out data contradict the evidence.")
+    assert "held-out data" in headline(overturned, manner)
+    assert "held-out data" not in headline(dataclasses.replace(overturned, overturned=()), manner)
 
 
 def test_the_full_answer_states_the_size_of_each_of_a_set(rig):
@@ -128,7 +131,7 @@ def test_the_most_probable_of_many_sets_are_listed(rig):
     left = with_sets(rig, MANY, {})
     said = full_answer(left, RIG)
     assert re.findall(r"probability ([\d.]+\d)", said) == ["0.40", "0.28", "0.20", "0.10"]
-    assert "nothing is missing, with probability 0.28" in said
+    assert f"{NOTHING_MISSING}, with probability 0.28" in said
     (doubt,) = [line for line in opposing_reasons(left, RIG) if "distinguished" in line]
     assert "eak" not in doubt, "of what is not worth a word nothing is said"
 
@@ -305,7 +308,9 @@ def test_a_rival_is_stated_first_and_an_effect_is_advised(answered):
     channel = drafted.scores[0].name
     curve = Baseline(channel, "m", "quadratic", 0.0, by_fold=(0.0,))
     short = headline(dataclasses.replace(drafted, baselines=(curve,)), RIG)
-    assert short == f"A quadratic predicts {channel} better than the model."
+    assert "quadratic" in short
+    assert channel in short
+    assert len(short.split()) <= MAX_HEADLINE_WORDS
     plain = dataclasses.replace(answered(Answer.INADEQUATE), experiments=())
     assert "declare" in next_run(plain)[0]
     assert "declare" not in next_run(dataclasses.replace(plain, rival=first))[0]

@@ -221,7 +221,7 @@ def demo(
         raise ParameterError(
             f"{folder}: this folder holds a data set of another kind ({others[0]}): name another folder with --out."
         )
-    from rover_pin.demo import drive_log, recording, rig, slip_slope
+    from rover_pin.demo import drive_log, rig, slip_slope
     from rover_pin.demo import hidden as hiding
 
     with alone_in(folder):
@@ -230,8 +230,8 @@ def demo(
         elif kind == "slip-slope":
             demo_set = slip_slope.write(folder, hidden, seed, rover or "nexus6")
         elif kind == "recording":
-            with progress("driving", recording.RUNS, silent=as_json) as advance:
-                demo_set = recording.write(folder, hidden, seed, rover or "nexus6", advance)
+            with progress("driving", drive_log.RECORDED_RUNS, silent=as_json) as advance:
+                demo_set = drive_log.write_recording(folder, hidden, seed, rover or "nexus6", advance)
         else:
             # Only a drive log is simulated drive by drive and takes long enough for a progress bar.
             with progress("driving", drive_log.RUNS, silent=as_json) as advance:
