@@ -52,7 +52,7 @@ def listed_entries(what: str) -> "list[Entry]":
     For the kind "settings", the entries are the settings of the scenario `ditch`.
     """
     if what == "experiments":
-        from rover_pin.loop.experiment_file import experiments
+        from rover_pin.loop.own_code import experiments
 
         return experiments()
     from rover_pin.scenarios import catalogue

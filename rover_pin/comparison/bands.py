@@ -14,7 +14,7 @@ from rover_pin.simulation.engines import COMPILED
 from rover_pin.simulation.outcome.outcome import drive_outcome
 
 FAILED = ("stuck", "stalled", "slid back", "ended")
-"""Kinds of drive outcomes that count as stuck. The outcome "ended" means that a wheel was buried or the rover fell
+"""The outcomes of a drive that count as stuck. The outcome "ended" means that a wheel was buried or the rover fell
 over."""
 
 
@@ -116,7 +116,7 @@ def _drive_scenario(name: str, file: str, settings: dict[str, Any], engine: str)
     (T,), kind of outcome, reason of an early end, and outcome as a sentence.
     """
     trace = scenario(name, **{**settings, "model": file}).drive(measure_error=False, engine=engine)
-    # A trace that lacks the channels for an outcome has none; its drive does not count as stuck.
+    # A trace without the channels from which an outcome follows gives None. Such a drive does not count as stuck.
     outcome = drive_outcome(trace)
     kind, sentence = ("", "not known") if outcome is None else (outcome.kind, outcome.sentence)
     slip, sinkage = trace.stack("slip").mean(axis=1), trace.stack("sinkage").max(axis=1)
@@ -124,4 +124,5 @@ def _drive_scenario(name: str, file: str, settings: dict[str, Any], engine: str)
 
 
 def _spread(values: np.ndarray) -> str:
+    """Return the median of some values and, in brackets, their smallest and largest value, as text."""
     return f"{np.median(values):.3g} [{values.min():.3g}, {values.max():.3g}]"

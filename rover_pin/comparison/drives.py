@@ -20,9 +20,10 @@ UNITS = {"_s": "s", "_m": "m", "_deg": "deg", "_J": "J"}
 ANGLES = ("body_yaw", "body_roll")
 """Channels with angles that jump by a full turn. The difference between two drives is reduced to (-pi, pi] for them."""
 POSITION = ("body_x", "body_y")
+"""Channels of the rover's position in the horizontal plane [m]."""
 ZERO_TOLERANCE = 1e-12
 """If the absolute value of a channel stays below this limit [SI unit] in both drives, the channel counts as not
-recorded."""
+recorded. The limit is far below every measured value, and only excludes zeros with their round-off."""
 
 
 class Channel(NamedTuple):
@@ -52,8 +53,8 @@ class Channel(NamedTuple):
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the channel in the first drive. Differences of channels are divided by such a value to
-        compare them.
+        """Standard deviation of the channel in the first drive. To compare differences of several channels, they are
+        divided by such a standard deviation.
         """
         return float(np.nanstd(self.first))
 
@@ -63,7 +64,8 @@ class Channel(NamedTuple):
         first_mean, second_mean = (
             format_value(float(np.nanmean(side)), self.unit) for side in (self.first, self.second)
         )
-        # The change column stays empty: means may agree while the drives differ, so the RMS is the measure.
+        # The column for the change stays empty: two drives can differ and still have equal means, so the row states the
+        # RMS of the difference instead.
         name = f"mean {self.name}" + (f", {len(self.wheels)} wheels" if self.wheels else "")
         note = f"RMS {format_value(self.rms, self.unit)}" if self.rms else ""
         return Row(name, first_mean, second_mean, note=note, differs=self.rms > 0)
@@ -86,17 +88,18 @@ def read_drive(path: Path, run: str, trust: Trust) -> tuple[str, Trace]:
 
 
 def compare_drives(first: tuple[str, Trace], second: tuple[str, Trace]) -> Comparison:
-    """Compare two drives: their summaries, and every channel that both recorded, over the period of time that both
-    cover.
+    """Return the comparison of two drives: of their summaries, and of every channel that both recorded.
 
-    Each drive is given by its label and its trace, as `read_drive` returns them.
+    Channels are compared over the period of time that both drives cover. Each drive is given by its label and its
+    trace, as `read_drive` returns them.
 
     Raises DataError if the drives have no common time or no common channel.
     """
     # Rows of words (settings, outcome) and of numbers (summary) need no common time.
     (first_label, first_trace), (second_label, second_trace) = first, second
     first_side, second_side = (Side(label, _words(trace), _numbers(trace)) for label, trace in (first, second))
-    # The rows of the first drive within the second one's time; the second drive is interpolated to these times.
+    # The common times are the times of the first drive that the second drive covers. The second drive is interpolated
+    # to these times.
     t, second_t = first_trace.t, second_trace.t
     t = t[(t >= second_t[0]) & (t <= second_t[-1])] if t.size and second_t.size else t[:0]
     if t.size < 2:
@@ -116,8 +119,8 @@ def compare_drives(first: tuple[str, Trace], second: tuple[str, Trace]) -> Compa
     if all(channel.rms == 0.0 for channel in channels):
         sentence = f"{period}, all {len(channels)} common channels are equal."
         return Comparison("drives", first_label, second_label, sentence, rows, changes)
-    # For other drives, the sentence states the distance between the positions, and the channel that differs most
-    # otherwise.
+    # If the drives differ, the sentence states the distance between the positions, and the channel that differs most
+    # among the other channels.
     by_name = {channel.name: channel for channel in channels}
     clauses = []
     offsets = [by_name[name].difference for name in POSITION if name in by_name]
@@ -174,7 +177,7 @@ def _channels(first: Trace, second: Trace, t: np.ndarray) -> Iterator[Channel]:
         sides = [
             np.column_stack([np.interp(t, trace.t, trace[name]) for name, _ in members]) for trace in (first, second)
         ]
-        # Two gaps that never overlap leave nothing to compare, and a channel of zeros only hides the others.
+        # A channel is left out if the two drives have no common sample of it, or if it is zero in both drives.
         both = np.isfinite(sides[0]) & np.isfinite(sides[1])
         if not both.any() or max(np.nanmax(np.abs(side)) for side in sides) <= ZERO_TOLERANCE:
             continue

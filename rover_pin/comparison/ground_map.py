@@ -1,5 +1,6 @@
-"""Map a rover's slip, energy and risk of getting stuck on a terrain, by a short simulated drive from each place of a
-grid in each heading.
+"""Map a rover's slip, energy and risk of getting stuck on a terrain.
+
+For the map, short drives are simulated: one from each place of a grid in each of several headings.
 """
 
 import dataclasses
@@ -44,8 +45,8 @@ class MapSettings:
     """Settings of a map: the distance between places, the number of headings at each place, and the mapped area."""
 
     spacing: float = 0.0
-    """distance between neighbouring places [m]; if 0, the rover's length, or a longer distance that gives about
-    USUAL_PLACES places"""
+    """distance between neighbouring places [m]; 0 means the rover's length, or on a large terrain the longer distance
+    that gives about USUAL_PLACES places"""
     headings: int = 8
     """number of headings at each place, evenly spaced from 0 (along x)"""
     box: tuple[float, float, float, float] = (-math.inf, math.inf, -math.inf, math.inf)
@@ -75,11 +76,11 @@ def ground_map(
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Drive a scenario's rover straight on from places all over its terrain, in several headings, on each model.
+    """Simulate short drives straight ahead from places all over a terrain, in several headings, and return the map.
 
-    Each drive starts at rest in static equilibrium and uses the control of the scenario. By default it lasts until
-    wheels that turn at the cruise speed without load have covered the length of the rover, so that the last wheels
-    reach the place where the front wheels started. The setting `duration` replaces this time.
+    Each drive starts at rest in static equilibrium and uses the control of the scenario. By default, a drive lasts as
+    long as a rover without slip needs for its own length at the cruise speed, so that the rear wheels reach the place
+    where the front wheels started. The setting `duration` replaces this time.
 
     Slip is 1 minus the ratio of wheel travel to rim travel (`wheel_paths`). Energy is the electric energy per metre of
     wheel travel. A drive counts as stuck if its outcome is one of `bands.FAILED`, if its wheels do not move forward at
@@ -88,9 +89,9 @@ def ground_map(
     Parameters
     ----------
     name, settings
-        Scenario or drive file, and settings, as for `scenario`; values are numbers or words. The duration in a drive
-        file does not count. The side force is `combined` unless the settings name another law, because a rover across a
-        slope also slides sideways.
+        Scenario or drive file, and settings, as for `scenario`; values are numbers or words. A duration in a drive file
+        is ignored. Without models, the law of the side force is `combined` unless the settings name another law,
+        because a rover that drives across a slope also slides sideways.
     models : sequence of path
         Files of equally probable models; if empty, the model of the settings is used.
     out : path
@@ -121,7 +122,7 @@ def ground_map(
     >>> from rover_pin.comparison.ground_map import MapSettings, ground_map
     >>> table, summary = ground_map("hills", {}, [], Path("out/map"), MapSettings(headings=4))  # doctest: +SKIP
     """
-    # The duration of a drive file is that of its own drive, not of the short drives of a map.
+    # A drive file states the duration of its own long drive, so this duration is not used for the short drives.
     name, of_file = with_drive_file(name, settings, trust)
     settings = {key: value for key, value in of_file.items() if key != "duration" or "duration" in settings}
     settings = settings if models else {"side": "combined", **settings}
@@ -138,9 +139,9 @@ def ground_map(
     study = Study("map", name, axes, Grid(), settings={**settings, "duration": first.duration}, trust=trust)
     drives = sweep(study, out, workers=workers, scheduler=scheduler, case_function=drive_from, picture=False)
 
-    # One group for each place and heading; its rows are the models. Slip and energy of a group are quantiles over the
-    # models. A rover that does not move forward gets an infinite energy per metre, because NaN would be left out of the
-    # quantiles.
+    # The drives of one place and heading form a group with one row for each model. Slip and energy of a group are
+    # quantiles over the models. The energy per metre of a rover that does not move forward is set to infinity, because
+    # the quantiles would leave out NaN.
     numeric = dict.fromkeys(("slip", "energy_J_per_m", "stuck"), float)
     done = drives.table[drives.table["error"].isna()].astype(numeric).fillna({"energy_J_per_m": math.inf})
     headings = done.groupby(list(START))
@@ -151,8 +152,8 @@ def ground_map(
         for column in ("slip", "energy_J_per_m")
     }
     numbers["p_stuck" if len(models) > 1 else "stuck"] = headings["stuck"].mean()
-    # Each place gets the largest values over its headings. Levels 0 and 1 are x and y, so the maximum is over the
-    # headings.
+    # Each place gets the largest values over its headings. The index has the levels x, y and heading, and the maximum
+    # is taken in each group with equal x and y (levels 0 and 1).
     worst = pd.DataFrame(numbers).groupby(level=[0, 1]).max().rename_axis(["x_m", "y_m"])
 
     # One row per place: the terrain itself, then the worst heading.
@@ -174,9 +175,9 @@ def ground_map(
     assumptions = [entry for entry in first.assumptions if entry.name not in START]
     if not models and "side" not in of_file:
         assumptions.append(Assumption("side", "combined", "", None, "usual for maps: the rover also slides sideways"))
-    # The last column states how often the rover gets stuck at a place.
+    # The last column is the fraction of the models on which the rover gets stuck at a place.
     stuck, counts = table.columns[-1], f"{len(places.x)} by {len(places.y)}"
-    alone = "" if len(models) > 1 else " (on one model, so this is no probability)"
+    alone = "" if len(models) > 1 else " (one model was driven, so this is not a probability)"
     return table, {
         "places": f"{counts}, every {places.spacing:.3g} m from x = {places.x[0]:.3g} m, y = {places.y[0]:.3g} m",
         "headings": f"{places.headings}; each number is the largest over the headings",
@@ -195,8 +196,8 @@ def ground_map(
 def places_on(first: Scenario, chosen: MapSettings = MapSettings()) -> Places:
     """Return the places on a scenario's terrain at which the drives of a map start.
 
-    If the terrain is a height grid, all places are at least the length of a drive away from its border. Along an axis
-    on which the terrain has no end, all places are at 0.
+    If the terrain is a height grid, each place is so far from the border that a drive cannot reach the border. Along an
+    axis on which the terrain is infinite, all places are at 0.
 
     Raises ParameterError if the spacing or the number of headings is out of bounds, or if the terrain is too small.
     """
@@ -220,12 +221,12 @@ def places_on(first: Scenario, chosen: MapSettings = MapSettings()) -> Places:
     if not (math.isfinite(spacing) and spacing >= 0.0 and 1 <= headings <= 360):
         raise ParameterError(
             f"spacing = {spacing:g} m with {headings} headings is not allowed: "
-            "give a spacing of more than 0 m (or 0 for the usual spacing), and 1 to 360 headings."
+            "give a spacing above 0 m, or 0 for the usual spacing, and 1 to 360 headings."
         )
-    # The spacing at which the area holds about USUAL_PLACES places.
+    # If each place gets an equal part of the area, this spacing gives USUAL_PLACES places.
     spacing_for_usual = math.sqrt(math.prod(high - low for low, high in sides) / USUAL_PLACES)
     spacing = spacing or max(base_of(rover).length, spacing_for_usual)
-    # The grid is centred in the area. 1e-9 keeps a place at the border that rounding would lose.
+    # The grid is centred in the area. Without 1e-9, round-off could remove a place exactly at the border.
     counts = [int((high - low) / spacing + 1e-9) + 1 for low, high in sides]
     x, y = (
         np.round(0.5 * (low + high) + spacing * (np.arange(count) - 0.5 * (count - 1)), 6)
@@ -235,10 +236,10 @@ def places_on(first: Scenario, chosen: MapSettings = MapSettings()) -> Places:
 
 
 def drive_from(study: Study, case: Case) -> dict[str, Any]:
-    """Simulate the drive of one case of the sweep, and return its slip, energy per metre, outcome, and whether it is
-    stuck.
+    """Simulate the drive of one case of the sweep, and return its results in a dict.
 
-    The case states the place, the heading and, if there are several models, the model.
+    The keys are `slip`, `energy_J_per_m`, `stuck` (whether the rover gets stuck) and `outcome` (a sentence). The case
+    states the place, the heading and, if there are several models, the model.
     """
     settings = {**study.settings, **{name: value for name, value in case.values.items() if name not in START}}
     # The scenario is the same for all places, and only the start changes.
@@ -261,8 +262,9 @@ def drive_from(study: Study, case: Case) -> dict[str, Any]:
 
 @lru_cache(maxsize=1)
 def _cached_scenario(name: str, settings: str, trust: Trust) -> Scenario:
-    """Return the scenario with these settings, which are a JSON text. Only the last scenario is kept for the next call.
+    """Return a scenario from its name and its settings, which are given as a JSON text.
 
-    Consecutive drives of a map use one model, so that its scenario is built only once.
+    The last scenario is kept in memory. Consecutive drives of a map use the same model, so that the scenario of each
+    model is built only once.
     """
     return dataclasses.replace(scenario(name, **json.loads(settings), trust=trust), symmetric=False)

@@ -1,4 +1,4 @@
-"""The words and numbers of the two compared results, and the table of their differences."""
+"""The form in which two results are compared: the words and numbers of each result, and the table of differences."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -113,8 +113,7 @@ def _note(first: Value, second: Value) -> str:
 
 
 def differences(first: Side, second: Side) -> dict[str, float]:
-    """Return a mapping from the name of each number that is in both results to its value in the second result minus its
-    value in the first [SI].
+    """Return the difference of each number that both results have: its name -> second value minus first value [SI].
 
     The dict omits numbers whose units differ.
     """

@@ -29,10 +29,13 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment, read_joint
 from rover_pin.experiments.wheel_rig.loop_data import RigData, start_on_rig
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.logs.drive_log import FILE, DriveLog, read_drive_log
-from rover_pin.loop.experiment_file import experiment_of_folder, read_experiment
-from rover_pin.loop.own_effects import refuse_unfit_effects, refuse_unfit_offered_effects
-from rover_pin.loop.provenance import LoopRequest, provenance
-from rover_pin.loop.verdict_file import write_results
+from rover_pin.loop.own_code import (
+    experiment_of_folder,
+    read_experiment,
+    refuse_unfit_effects,
+    refuse_unfit_offered_effects,
+)
+from rover_pin.loop.verdict_file import LoopRequest, provenance, write_results
 from rover_pin.measurements.rig_file import RIG_FILE
 from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.measurements.rig_set import RigSet
@@ -106,7 +109,7 @@ def close_the_loop(
     >>> verdict.answer.value, [type(effect).__name__ for effect in verdict.effects]
     ('one of a set of effects is missing', ['SlipSinkage'])
     """
-    # Arguments that contradict each other, and effect files with mistakes, are refused before any data are read.
+    # Contradictory arguments and effects with mistakes are refused before any data are read.
     refuse_both(jobs or None, scheduler)
     if effects is not None:
         refuse_unfit_effects(effects)
@@ -117,14 +120,14 @@ def close_the_loop(
         data = data_path(data)
         experiment = experiment or experiment_of_folder(data)
     request = LoopRequest(data, model, effects, out, experiment, trust, seed)
-    # From here on the kind of the data is known, and the request names the folder that was read.
+    # The kind of the data is known after reading. For a drive log, the request then names the folder of the log.
     measurements = _read(request)
     if isinstance(measurements, DriveLog):
         request = dataclasses.replace(request, data=measurements.folder)
     elif scheduler is not None:
         raise ParameterError(
-            "scheduler is given, but only the search for missing effects in a drive log uses a scheduler; with other "
-            "data the search takes some seconds on one core. Leave scheduler out."
+            "scheduler is given, but only a drive log is analysed with a scheduler; for other data the search for "
+            "missing effects takes some seconds on one core. Leave scheduler out."
         )
     # The folder stays locked, and Ctrl-C ends the workers, until the last file has been written.
     with alone_in(out), ending_workers(), workers_of(jobs or os.cpu_count() or 1, scheduler) as workers:
@@ -132,11 +135,12 @@ def close_the_loop(
 
 
 def close(data: LoopData, request: LoopRequest, progress: Progress = quiet) -> Verdict:
-    """Run the search for missing effects on checked data, and return the verdict. If the request names a folder, the
-    results are written there.
+    """Run the search for missing effects on checked data, and return the verdict.
+
+    If the request names a folder for results, the results are written there.
     """
     start = time.monotonic()
-    # All checks of the data have passed, so the user may now read that old results will be replaced.
+    # The log states that old results will be replaced. It does so only now, because a refused run replaces nothing.
     say_what_is_replaced(request.out, LOOP_RESULTS)
     with data.resuming(progress):
         verdict = verdict_on(data, known_effects(request.effects), progress, request.seed)
@@ -150,8 +154,9 @@ def close(data: LoopData, request: LoopRequest, progress: Progress = quiet) -> V
 def verdict_on(
     data: LoopData, kinds: Sequence[type] | None = None, progress: Progress = quiet, seed: int = 0
 ) -> Verdict:
-    """Return the verdict of the search for missing effects on checked data, with the additional results that this kind
-    of data has.
+    """Return the verdict of the search for missing effects on checked data.
+
+    The verdict includes the results that only this kind of data has, such as further errors and cautions.
 
     If the data are insufficient, the answer is "cannot tell", and no model is fitted.
 
@@ -187,7 +192,7 @@ def loop_data(
         log = DriveLogData.starting_from(measurements, request.model, workers, trust)
         progress("checking the log")
         refuse_unfit_log(measurements)
-        # Nothing is kept for a log that cannot answer, so that its model need not be built.
+        # Results for resuming are stored only if the log suffices for an answer. Otherwise no model is built at all.
         folder = None if request.out is None or log.insufficient() else Path(request.out)
         return log.remembering(folder, request.effects)
     if isinstance(measurements, RigSet):
@@ -196,7 +201,8 @@ def loop_data(
         rig = RigData(measurements)
     refuse_unfit_rig(rig.experiment)
     if request.effects is not None:
-        effect_kinds(request.effects)  # a rig shows effects of the contact only: the user's must contain one
+        # A rig shows only effects of the contact. The call refuses the user's effects if none of them is one.
+        effect_kinds(request.effects)
     return rig
 
 

@@ -1,4 +1,4 @@
-"""Check measured data before any fit. The check refuses data, warns of suspicious values, or accepts the data."""
+"""Check measured data before any fit. The check refuses the data, warns of suspicious values, or accepts the data."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment, read_joint
 from rover_pin.logs.drive_log import FILE as LOG_FILE
 from rover_pin.logs.drive_log import DriveLog, read_drive_log
 from rover_pin.loop.close import MADE_BY, loop_data, read_data
-from rover_pin.loop.provenance import LoopRequest
+from rover_pin.loop.verdict_file import LoopRequest
 from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.drive_points import IN_POINTS, SAMPLING, drive_points, points_of_log
 from rover_pin.measurements.rig_file import RIG_FILE
@@ -35,8 +35,9 @@ MOTOR_CONSTANTS = ("supply", "resistance", "k_t", "gear")
 
 
 class DataCheck(NamedTuple):
-    """Result of the check of measured data. The data were not refused, so the search for missing effects can run on
-    them.
+    """Result of the check of measured data that were not refused.
+
+    The search for missing effects can run on these data. If `too_poor` is not empty, the search cannot find an answer.
     """
 
     kind: str
@@ -45,13 +46,12 @@ class DataCheck(NamedTuple):
     """content of the data set in one line, such as the numbers of runs and channels"""
     findings: tuple[Finding, ...]
     too_poor: str
-    """reason why the search for missing effects cannot find an answer with these data, and what to measure in addition;
-    empty if they suffice"""
+    """reason why the search for missing effects cannot find an answer with these data, and the measurements that are
+    needed in addition; empty if the data suffice"""
 
 
 def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
-    """Check the measured data in a folder as the search for missing effects does before it fits anything, and return
-    the findings.
+    """Check the measured data in a folder, and return the findings. The search for missing effects runs this check too.
 
     `folder` may also be the name of a sample of the package.
 
@@ -70,12 +70,14 @@ def rig_set_in(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     """
     data = read_data(folder, trust)
     if not isinstance(data, RigSet):
-        raise DataError(f"{folder}: similarity is computed for the runs of a wheel rig; give a folder with {RIG_FILE}.")
+        raise DataError(
+            f"{folder}: the option --similarity needs the runs of a wheel rig; give a folder with {RIG_FILE}."
+        )
     return data
 
 
 Measured = RigSet | RigExperiment | FileExperiment | DriveLog
-"""The types of measured data in memory that `identify` can fit the numbers of a base model to."""
+"""The types of measured data in memory to which `identify` can fit the numbers of a base model."""
 
 
 class CheckedData(NamedTuple):
@@ -116,7 +118,8 @@ def measured_in(path: str | Path | tuple[str | Path, ...], trust: Trust = Trust(
         log_checks.refuse_unfit(drive)
         if drive.metadata.motor:
             return CheckedData(factors_of(drive), log_checks.data_findings(drive))
-        # Traction factors need the motors' torque, which was not recorded; the drives show the soil all the same.
+        # Without a declared motor, no torque is known, and so no traction factor. The drives themselves can still be
+        # replayed to find the numbers of the soil.
         if poor := log_checks.too_poor(drive):
             raise DataError(f"{path}: {poor}")
         return CheckedData(drive, log_checks.findings(drive))
@@ -132,9 +135,9 @@ def measured_in(path: str | Path | tuple[str | Path, ...], trust: Trust = Trust(
 def factors_of(log: DriveLog) -> TractionFactors:
     """Return the traction factors of a drive log that declares its [motor], by the method of section 4 of the paper.
 
-    The factors are computed from motor duty and wheel rate. An error of a motor constant, or of the lag between wheel
-    rate and slip, therefore changes the factors of all points together. Each such error is a `Shift`, whose size is
-    fitted with the other numbers.
+    The factors are computed from motor duty and wheel rate. Therefore an error of a motor constant, or of the lag
+    between wheel rate and slip, changes the factors of all points together. Each of these errors is described by a
+    `Shift`, and its size is fitted together with the other numbers.
 
     Raises DataError if `points_of_log` refuses the log.
     """
@@ -143,12 +146,12 @@ def factors_of(log: DriveLog) -> TractionFactors:
     lag = usual_slip(log.load_rover())
     soil = usual_soil(log.load_rover()).replace(**points.declared)
     declared = Parts({"soil": soil, "wheel": points.wheel, "motor": motor, "RelaxedSlip": lag})
-    # For each shift, the points are computed once more with one number one SD larger.
+    # For each shift, the points are computed again after one number was increased by its standard deviation (SD).
     shifts = []
     sds = declared_sds(log.metadata.motor, Motor, f"{log.file}: [motor]")
     for name in MOTOR_CONSTANTS:
         value = float(getattr(motor, name))
-        # The SD that the log states counts; without one, an assumed fraction of the value.
+        # If the log states no SD, an assumed fraction of the value is used.
         sd = sds.get(name, MOTOR_SD.get(name, 0.0) * value)
         # The standard deviations of the points already contain the declared errors of some constants.
         if sd > 0.0 and not (name in sds and name in IN_POINTS):
@@ -156,7 +159,7 @@ def factors_of(log: DriveLog) -> TractionFactors:
             number = parameter_of(f"motor.{name}", motor, sd, declared=source)
             shifted = drive_points(log, motor.replace(**{name: value + sd}))
             shifts.append(Shift(number, _factor_shift(shifted, points)))
-    # A log declares no number of the slip's lag, so that their standard deviation is DECLARED_SD times their value.
+    # A log cannot declare the numbers of the slip's lag, so their SD is assumed to be DECLARED_SD times their value.
     for name in quantities(lag):
         value = float(getattr(lag, name))
         sd = DECLARED_SD * value
@@ -167,11 +170,11 @@ def factors_of(log: DriveLog) -> TractionFactors:
 
 
 def _factor_shift(shifted: TractionPoints, points: TractionPoints) -> np.ndarray:
-    """Return the change of the traction factors (n,) if one number, such as a motor constant, is wrong.
+    """Return the error of the traction factors (n,) that a wrong number, such as a motor constant, causes.
 
-    The result is the factors of `points` minus the factors of `shifted`, the points that were computed with the wrong
-    number. The two can differ in length, so each point is compared with the shifted point that is nearest in slip and
-    load. As a rule, both points come from one class of slip and load.
+    `points` (n) were computed with the right number, and `shifted` with the wrong number. The result is the factors of
+    `points` minus the factors of `shifted`. The two can differ in length, so each point is compared with the shifted
+    point that is nearest in slip and load. As a rule, both points come from the same class of slip and load.
     """
     # Slip in units of the width of a slip class, and log load in units of the width of a load class.
     places = []

@@ -1,4 +1,7 @@
-"""Fit the numbers of the base model to data, and state on which priors each number depends. No effect is searched."""
+"""Fit the numbers of the base model to data, and state on which priors each number depends.
+
+Unlike `close_the_loop`, this module does not search for missing effects.
+"""
 
 import dataclasses
 import os
@@ -23,7 +26,7 @@ from rover_pin.loop.data_check import Measured, measured_in
 from rover_pin.measurements.rig_set import RigSet
 
 USER_PRIOR = "--prior"
-"""Text that results give as the source of a number if the user stated its prior."""
+"""Source that results state for a number if the user gave its prior."""
 REMEDIES = {
     "r": "measure it with a ruler",
     "b": "measure it with a ruler",
@@ -53,11 +56,11 @@ def identify(
 ) -> Identification:
     """Fit the numbers of the base model to data, as `close_the_loop` does before it looks for a missing effect.
 
-    Every number that the loop treats as uncertain is fitted, and its declared or assumed value is its prior. The
-    intervals are intervals of the posterior distribution. If the data differ from the model smoothly, and not only by
-    noise, the posterior distribution includes this difference. `variance_shares` divides the posterior variance of each
-    number into a part that comes from the data and parts that come from the priors. The parts show whether a number
-    depends on an assumption.
+    Every number that the loop treats as uncertain is fitted, and its declared or assumed value is the mean of its
+    prior. The stated intervals are intervals of the posterior distribution. If the residuals vary smoothly instead of
+    like noise, the model has a discrepancy, and the intervals become wider by it. `variance_shares` divides the
+    posterior variance of each number into a part from the data and parts from the priors. These parts show whether a
+    number depends on an assumption.
 
     Parameters
     ----------
@@ -105,17 +108,17 @@ def identify(
         source = DriveLogData.starting_from(experiment, None, os.cpu_count() or 1, Trust(everything=trust))
     else:
         source = experiment
-    # Without candidates the loop only fits the base model: its numbers are wanted, and no effect is missing.
+    # Without candidates for a missing effect, the search only fits the numbers of the base model.
     question = dataclasses.replace(source.question(()), candidates=lambda base: ())
     question = _apply_priors(question, priors, fixed)
     beliefs = fits_of(question, progress).beliefs()
     best = beliefs.best(())
     side = side_of(beliefs, best)
 
-    # The first rows of the posterior are the numbers; the others are sizes of the discrepancy.
+    # The first rows of the posterior covariance belong to the numbers, and the other rows to the discrepancy.
     covariance = best.posterior.covariance[: len(side.numbers), : len(side.numbers)]
     estimates = []
-    # For each number: the fraction of its variance from the data, and from each prior, the largest first.
+    # The variance of each number is divided into the fractions that come from the data and from each prior.
     for number, shares in zip(side.numbers, variance_shares(covariance), strict=True):
         largest_first = sorted(zip(side.numbers, shares.tolist(), strict=True), key=lambda row: -row[1])
         prior_shares = {other.name: share for other, share in largest_first}
@@ -132,7 +135,7 @@ def identify(
     channels = tuple(ChannelFit(name, best.experiment.unit(name), count, rms) for name, count, rms in rows)
     independent: tuple[Flag, ...] = ()
     if isinstance(experiment, RigExperiment):
-        # Constants of a rig that were also measured apart from the runs.
+        # A rig can declare constants that were measured in separate tests; the fit is compared with them.
         rig = experiment.declared
         independent = flags(rig, side.model.soil, float(rig.wheel.b), side.numbers)
     # The constants of wheel and soil that were not fitted, with their values [SI].
@@ -174,10 +177,10 @@ def _apply_priors(question: Question, priors: Mapping[str, Prior], fixed: Mappin
     numbers = {number.name: number for number in question.numbers if number.name not in values}
     for name, prior in priors.items():
         full = _full_name(name)
-        # A prior also frees a number that the loop would have held.
+        # A number with a prior of the user is fitted, even if the loop would keep it constant.
         number = numbers.get(full) or experiment.parameter(model, full, prior.sd)
         check("prior", full, prior.mean, experiment.quantity(model, full))
-        # A number on a logarithmic scale has a relative SD; a prior around zero or below needs the linear scale.
+        # On a logarithmic scale, the SD is relative to the mean. A mean of zero or below needs a linear scale.
         is_log = number.log and prior.mean > 0
         scale = prior.sd / prior.mean if is_log else prior.sd
         numbers[full] = dataclasses.replace(

@@ -21,15 +21,15 @@ from rover_pin.parameters.soils import (
 __all__ = ["NEXUS6_WHEEL", "SLOPE_SAND", "SOILS", "TABLE_1", "name_of", "soil_named"]
 
 SLOPE_SAND = SlopeSand()
-"""Default sand of simulated drives. On this sand, small rovers slip by about 0.2 on a slope of 10 deg, like measured
-wheels on dry sand."""
+"""Default sand of simulated drives. On this sand, small rovers have a slip of about 0.2 on a slope of 10 deg. Wheels
+that were measured on dry sand have about this slip too."""
 
 
 class SoilTable(Mapping[str, Soil]):
     """A mapping from names to soils: the soils of the package, then the soils that other installed packages offer.
 
-    An error about an unknown name lists the most similar names. The other packages are looked up only if a name is
-    needed that the package itself does not have, or if all names are listed.
+    An error about an unknown name lists the most similar names. Other packages are searched only if the package itself
+    does not have a requested name, or if all names are listed, because the search takes time.
     """
 
     def __init__(self, own: Mapping[str, Soil]):
@@ -81,10 +81,9 @@ them to another width."""
 
 
 def name_of(soil: Soil) -> str:
-    """Return the name in `SOILS` of the published soil that a soil was derived from; "table-1" if `SOILS` has no such
-    soil.
+    """Return the name of the published soil from which a soil was derived; "table-1" if `SOILS` has no such soil.
 
-    The class of the soil decides, because a soil with changed parameters keeps the class of the published soil.
+    The soils are compared by their class, because a soil with changed parameters keeps the class of the published soil.
     """
     return next((name for name, preset in SOILS.items() if type(preset) is type(soil)), "table-1")
 

@@ -44,6 +44,7 @@ only that "in reality, the obstacle has a hard surface" (Fig 7)."""
 
 
 SLOPE_SAND_SOURCE = "chosen for a slip of 0.2 on 10 deg: Ding et al. 2011, Fig 9"
+"""Source of the numbers of `SlopeSand`."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,7 @@ class SlopeSand(Soil):
 
 # Wong states Bekker's constants; Eq (4) needs k_1 and k_2, which hold for the width of the Nexus 6 wheel.
 WONG = "Wong, Theory of Ground Vehicles, dry sand (LLL)"
+"""Source of the numbers of `DrySand`; LLL is the Land Locomotion Laboratory."""
 K_1, K_2 = bekker(0.99e3, 1528.43e3, 1.1, NEXUS6_WHEEL.b)
 
 
@@ -103,8 +105,9 @@ MARS_K = bekker(13.6e3, 2259.1e3, 0.92, NEXUS6_WHEEL.b)
 class Fjs1(Soil):
     """FJS-1, Japan's lunar simulant: k_c 1.37 kN/m^2, k_phi 814 kN/m^3, n 1, c 0.8 kPa, phi 37.2 deg, k 36 mm.
 
-    Two public codes with Ishigami's model quote these numbers and k_x = 0.043 beta + 0.036 m, used for a slip angle
-    beta of 0. Other sources quote a far smaller k.
+    Two public codes with Ishigami's model quote these numbers. They give the shear displacement along the wheel as k_x
+    = 0.043 beta + 0.036 m at the slip angle beta; the value here is k_x at beta = 0. Other sources quote a far
+    smaller k.
     """
 
     c: Scalar = quantity(800.0, "Pa", ISHIGAMI, 0.0, 1e6, "c")

@@ -13,8 +13,7 @@ import pytest
 
 from rover_pin import SOILS, close_the_loop, scenario
 from rover_pin.base.errors import DataError, ParameterError
-from rover_pin.loop.experiment_file import experiment_of_folder, installed_experiments
-from rover_pin.loop.own_effects import refuse_unfit_offered_effects
+from rover_pin.loop.own_code import experiment_of_folder, installed_experiments, refuse_unfit_offered_effects
 from rover_pin.scenarios.catalogue import effects, soils
 from rover_pin.simulation.compiled.laws import contact_law
 from rover_pin.simulation.model.effect_files import installed_effects, known_effects

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect
-from rover_pin.loop.own_effects import refuse_unfit_effects
+from rover_pin.loop.own_code import refuse_unfit_effects
 from rover_pin.simulation.model.effect_files import user_effects
 
 KINDS = {"contact": Effect, "motor": MotorEffect, "body": BodyEffect}

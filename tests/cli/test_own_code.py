@@ -40,7 +40,7 @@ SHAPES = {
     "noise().sd is not positive in some channel": (SD, "np.zeros(2)"),
     "noise().sd has the shape (1,)": (SD, "np.ones(1)"),
     "observed holds no number in some channel": ("points[:, 2:4]", "np.nan * points[:, 2:4]"),
-    "channels is 'not there', but it must be a tuple": ("name, channels, ", "name, others, "),
+    "channels is 'not there'": ("name, channels, ", "name, others, "),
     "folds is 3, but it must be a tuple": ("return cls(motor, folds", "return cls(motor, 3"),
     "observed holds object": ("points[:, 2:4]", "points[:, 2:4].astype(object)"),
     "'motor' has no number 'resist'": ('"resistance")', '"resist")'),

@@ -45,7 +45,7 @@ def test_a_map_of_a_plane_is_that_of_drives_up_a_slope(mapped):
     up = drives.loc[drives["slip"].idxmax()]
     assert np.degrees(up["start.yaw"]) == pytest.approx(90.0)
     assert output["max_slip"] == up["slip"]
-    assert "no probability" in output["stuck"]
+    assert "one model" in output["stuck"]
 
 
 @pytest.mark.slow

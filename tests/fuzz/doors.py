@@ -246,7 +246,7 @@ SHARES = {
 
 
 def _own_effects(folder: Path) -> None:
-    from rover_pin.loop.own_effects import refuse_unfit_effects
+    from rover_pin.loop.own_code import refuse_unfit_effects
 
     refuse_unfit_effects(folder / "mine.py")
 

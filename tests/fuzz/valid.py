@@ -21,7 +21,7 @@ from rover_pin.base.errors import DataError
 from rover_pin.base.files.bounded import text
 from rover_pin.base.files.toml_file import toml_text
 from rover_pin.cli import app
-from rover_pin.comparison.verdicts import read_verdict
+from rover_pin.comparison.compare import read_verdict
 from rover_pin.control.slip_control import load_gains
 from rover_pin.experiments.drive_log.checks import log as drive_checks
 from rover_pin.experiments.drive_log.model import base_model, nuisances, with_spread

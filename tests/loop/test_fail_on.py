@@ -15,8 +15,7 @@ from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.loop import close
 from rover_pin.loop.close import close_the_loop
-from rover_pin.loop.provenance import LoopRequest
-from rover_pin.loop.verdict_file import write_draft
+from rover_pin.loop.verdict_file import LoopRequest, write_draft
 from tests.oracle import brake_generator as hidden
 
 

@@ -51,8 +51,5 @@ def test_columns_of_ones_own_are_no_misspelling(tmp_path):
 def test_a_model_of_another_rover_is_refused():
     """Before anything is fitted, with both rovers' wheels named."""
     cart = Model(load_rover("cart"), flat(), (DRIVEN_SAND,), nexus6_motor())
-    with pytest.raises(
-        DataError,
-        match=r"the rover of the model has the wheels .*, but the rover of the log has fl, fr, ml, mr, rl, rr; give",
-    ):
+    with pytest.raises(DataError, match=r"model.*wheels.*log.* fl, fr, ml, mr, rl, rr"):
         close_the_loop(DriveLog(Path("nowhere"), LogMetadata("small"), ()), model=cart)

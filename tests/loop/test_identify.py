@@ -112,9 +112,9 @@ def test_an_uncertain_size_is_fitted_within_what_is_stated(sd):
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        ({"priors": {"phj": Prior(0.5, 0.1)}}, "no number 'phj': did you mean 'phi'"),
-        ({"priors": {"phi": Prior(50.0, 1.0)}}, "soil.phi = 50 rad is not allowed"),
-        ({"fixed": {"n": 11.0}}, "soil.n = 11 is not allowed"),
+        ({"priors": {"phj": Prior(0.5, 0.1)}}, "'phj'.*'phi'"),
+        ({"priors": {"phi": Prior(50.0, 1.0)}}, "soil.phi = 50 rad"),
+        ({"fixed": {"n": 11.0}}, "soil.n = 11"),
         ({"fixed": {"sand.n": 1.0}}, "no 'sand' to fit"),
     ],
 )

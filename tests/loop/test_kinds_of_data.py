@@ -9,8 +9,8 @@ import pytest
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.experiments.motor_brake import MotorBrake
 from rover_pin.loop.close import close, loop_data, verdict_on
-from rover_pin.loop.experiment_file import experiment_of_folder, package_experiments
-from rover_pin.loop.provenance import LoopRequest
+from rover_pin.loop.own_code import experiment_of_folder, package_experiments
+from rover_pin.loop.verdict_file import LoopRequest
 from rover_pin.measurements.checks import Finding
 from rover_pin.simulation.model.motor import Motor
 

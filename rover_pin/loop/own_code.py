@@ -1,10 +1,13 @@
-"""Read an experiment that is defined by one class. The class belongs to the package, to another installed package, or
-to a user's file.
+"""Read and check the code that the package does not contain: experiments and effects of users and of other packages.
+
+An experiment is a class that belongs to the package, to another installed package, or to a user's file. Experiments and
+effects are checked before any fit, so that a mistake is reported at once and not after minutes of fits.
 """
 
 import importlib
 import inspect
 import pkgutil
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -12,18 +15,29 @@ from types import ModuleType
 import numpy as np
 
 import rover_pin.experiments
-from rover_pin.base.errors import DataError
+from rover_pin.base.errors import DataError, RoverPinError
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.installed_packages import EXPERIMENTS, Offer, offers
+from rover_pin.base.quantity import quantities
+from rover_pin.base.users_code import is_stop, mistake
+from rover_pin.contact import Soil
 from rover_pin.discrepancy.experiment import FileExperiment
+from rover_pin.effects.effect import Effect, MotorEffect
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.catalogue import OWN_PACKAGE, Entry, first_sentence
-from rover_pin.simulation.model.effect_files import run_file
+from rover_pin.simulation.compiled.laws import contact_law, motor_law
+from rover_pin.simulation.model.effect_files import AnyEffect, offered_effects, reading_traction, run_file, user_effects
+from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.model.motor import Motor
+from rover_pin.terrain.shapes import flat
 
 
 @cache
 def package_experiments() -> dict[str, type[FileExperiment]]:
-    """Return the package's own experiment classes on which the search for missing effects can run, by the name of their
-    file without suffix.
+    """Return the package's own experiments on which the search for missing effects can run: name -> class.
+
+    The name is the name of the file that defines the class, without its suffix.
     """
     names = [module.name for module in pkgutil.iter_modules(rover_pin.experiments.__path__) if not module.ispkg]
     modules = {name: importlib.import_module(f"rover_pin.experiments.{name}") for name in names}
@@ -31,7 +45,7 @@ def package_experiments() -> dict[str, type[FileExperiment]]:
 
 
 def offered_experiments() -> dict[str, Offer]:
-    """Return what other installed packages offer as experiments, by the name of the entry point."""
+    """Return the experiments that other installed packages offer: name of the entry point -> offer."""
     return offers(EXPERIMENTS, tuple(package_experiments()))
 
 
@@ -90,7 +104,7 @@ def read_experiment(data: str | Path, experiment: str | Path) -> FileExperiment:
         If there is no such file, if it cannot be run or does not define exactly one experiment, if its `read` refuses
         the data, or if its arrays do not fit each other.
     """
-    # A name of the package comes first, then another installed package, then a file of the user.
+    # The package's own names are tried first, then the names of other installed packages, then a file of the user.
     own = package_experiments()
     own = own if str(experiment) in own else installed_experiments()
     if str(experiment) in own:
@@ -105,15 +119,16 @@ def read_experiment(data: str | Path, experiment: str | Path) -> FileExperiment:
         raise DataError(
             f"{experiment}: the file of an experiment must define exactly one class that derives from "
             "rover_pin.discrepancy.experiment.FileExperiment and implements all of its abstract methods; "
-            f"here there is {names}."
+            f"this file defines {names}."
         )
     built = kinds[0].read(Path(data))
-    _refuse_unfit(built, str(experiment))
+    _refuse_unfit_experiment(built, str(experiment))
     return built
 
 
-def _refuse_unfit(experiment: FileExperiment, where: str) -> None:
-    """Check the types and shapes of an experiment's arrays. Otherwise a fit would fail later with a less clear message.
+def _refuse_unfit_experiment(experiment: FileExperiment, where: str) -> None:
+    """Check the types and shapes of an experiment's arrays. A wrong array would make a fit fail later with a less clear
+    message.
 
     Raises DataError: an array has a wrong type or shape, or lacks finite numbers. `where` is the beginning of the
     message.
@@ -125,8 +140,8 @@ def _refuse_unfit(experiment: FileExperiment, where: str) -> None:
     observed = experiment.observed
     if observed.dtype.kind != "f":
         raise DataError(f"{where}: observed holds {observed.dtype}, but it must hold float numbers.")
-    # The declared model must predict every measured value before anything is fitted.
-    # One prediction with the declared model gives all shapes that are compared below.
+    # The model that the experiment declares predicts all measured values once. The shape of this prediction is compared
+    # with the shapes of the measured values and of the noise.
     noise, predicted = experiment.noise(), experiment.predict([experiment.base_model()])
     counts = (len(experiment.folds), len([experiment.unit(channel) for channel in experiment.channels]))
     full_shape = (*counts, *observed.shape[2:3])
@@ -149,3 +164,67 @@ def _refuse_unfit(experiment: FileExperiment, where: str) -> None:
     ):
         if not good.all():
             raise DataError(f"{where}: {problem}; correct the file or its data.")
+
+
+def refuse_unfit_effects(path: str | Path) -> None:
+    """Check that the search for missing effects can add and remove each effect in a user's file or folder.
+
+    An effect must declare its neutral values, at which it vanishes, and its formulas must be computable.
+
+    Raises DataError if a file cannot be run or an effect in it cannot be used; the message names the file, the line and
+    the effect.
+    """
+    _refuse_unusable({kind: str(path) for kind in user_effects(path)})
+
+
+def refuse_unfit_offered_effects() -> None:
+    """Check that the search for missing effects can add and remove each effect that another installed package offers.
+
+    Raises DataError if such an effect cannot be imported or used; the message names the package.
+    """
+    if offered := offered_effects():
+        _refuse_unusable({kind: f"installed package {offer.source}" for kind, offer in offered.items()})
+
+
+def _refuse_unusable(kinds: Mapping[type[AnyEffect], str]) -> None:
+    """Check that the search for missing effects can use each effect in `kinds`: class -> words for the origin of the
+    class.
+    """
+    rover = load_rover("nexus6")
+    # Each effect is added to the model of a simple rover, because its formulas only need to be computed once.
+    effects = base_effects(Soil(), rover, SoilTraction())
+    model = Model(rover, flat(), (Soil(),), Motor(), effects=effects)
+    for kind, place in kinds.items():
+        if not kind.neutral:
+            raise DataError(
+                f"{place}: {kind.__name__} does not declare the values at which the effect vanishes, so the loop "
+                'cannot add it. Add the line neutral: ClassVar[dict[str, float]] = {"a": 0.0} to the class, with the '
+                "quantity that sets the effect's size in place of a."
+            )
+        # A misspelt name would leave the effect's real size at its default when the loop removes the effect.
+        strange = [name for name in kind.neutral if name not in quantities(kind)]
+        if strange:
+            names = ", ".join(quantities(kind))
+            has = f"it has {names}." if names else "it has none. Is @dataclass(frozen=True) above the class?"
+            raise DataError(
+                f"{place}: {kind.__name__} has a neutral value for '{strange[0]}', but the effect has no quantity of "
+                f"this name: {has}"
+            )
+        try:
+            # The loop will build the effect, set it to its neutral values, and compile its formulas, so each step is
+            # tried here.
+            effect = reading_traction(kind(), model.effects)
+            effect.replace(**effect.neutral)
+            model_with_effect = model.having(effect)
+            if isinstance(effect, Effect):
+                contact_law(model_with_effect.contact_effects)
+            elif isinstance(effect, MotorEffect):
+                motor_law(model_with_effect.motor, model_with_effect.motor_effects)
+        except BaseException as error:
+            # If an error of this package does not name the user's file, the file and the line of the class are added.
+            file, line = inspect.getfile(kind), inspect.getsourcelines(kind)[1]
+            if isinstance(error, RoverPinError) and file not in str(error):
+                raise DataError(f"{file}, line {line}: {error}") from error
+            if is_stop(error):
+                raise
+            raise mistake(error, file, line) from error
