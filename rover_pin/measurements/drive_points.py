@@ -16,7 +16,7 @@ from rover_pin.base.quantity import declared_sds, record_from
 from rover_pin.contact import Soil
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.logs.drive_log import DriveLog
-from rover_pin.measurements.steady_windows import Steady, Window, steady_windows
+from rover_pin.measurements.steady_windows import SteadyConditions, Window, steady_windows
 from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.simulation.model.defaults import usual_angles, usual_slip
 from rover_pin.simulation.model.motor import Motor
@@ -44,7 +44,7 @@ class Sampling:
         wrong by about 1 %; motor constants are known to 1 or 2 %.
     wheel_error : float
         Relative error of the rate and radius of one wheel.
-    steady : Steady
+    steady : SteadyConditions
         Conditions for a steady window.
     """
 
@@ -54,7 +54,7 @@ class Sampling:
     least: int = 3
     load_error: float = 0.02
     wheel_error: float = 0.01
-    steady: Steady = Steady()
+    steady: SteadyConditions = SteadyConditions()
 
 
 SAMPLING = Sampling()

@@ -49,7 +49,7 @@ must state the unit (percent) or the definition of slip. The value allows for se
 percent has larger slips."""
 
 
-class Source(NamedTuple):
+class ColumnOrigin(NamedTuple):
     """Origin of one column of the new data set: a column of the researcher's table with its unit, or a formula in SI
     units.
     """
@@ -83,7 +83,7 @@ class RigTable:
         self.table: Table = read_table(file)
         self.table.refuse_faults()
         self.notes: list[str] = [note for note in self.table.notes if "repeats the column names" in note]
-        self.sources: dict[str, Source] = {}
+        self.sources: dict[str, ColumnOrigin] = {}
         self._ambiguous: dict[str, list[str]] = {}
         allowed = [*UNITS, *(sd_column(kind.column) for kind in RIG_CHANNELS)]
         for name, formula in formulas.items():
@@ -93,13 +93,13 @@ class RigTable:
             if formula not in self.table.columns:
                 names_in(formula, f"--column {name}")
                 self.notes.append(f"{name} is {formula}, as --column states")
-                self.sources[name] = Source(formula, formula=formula)
+                self.sources[name] = ColumnOrigin(formula, formula=formula)
                 continue
             # The name of one column of the table is no formula: the column is read in the unit that its name states. A
             # column of an SD has the unit of its channel.
             unit = stated_unit(formula, UNITS.get(name.replace("_sd_", "_"), ""))
             self.notes.append(f"{name} is '{formula}'{f' in {unit}' if unit else ''}, as --column states")
-            self.sources[name] = Source(formula, unit)
+            self.sources[name] = ColumnOrigin(formula, unit)
         self._match_columns()
 
     def _match_columns(self) -> None:
@@ -136,7 +136,7 @@ class RigTable:
                 self.notes += [f"'{name}' may be {column}, but so may another column" for name, _ in chosen]
                 continue
             ((name, match),) = chosen
-            self.sources[column] = Source(name, match.unit)
+            self.sources[column] = ColumnOrigin(name, match.unit)
             # The note states the unit only where it was converted or had to be assumed.
             unit = UNITS.get(column.replace("_sd_", "_"), "")
             has_unit = unit not in ("", "text")
@@ -224,7 +224,7 @@ class RigTable:
         order = [name for name in (*UNITS, *(sd_column(kind.column) for kind in RIG_CHANNELS)) if name in columns]
         return pd.DataFrame({name: columns[name] for name in dict.fromkeys(order)})
 
-    def _values(self, column: str, source: Source) -> np.ndarray:
+    def _values(self, column: str, source: ColumnOrigin) -> np.ndarray:
         """Return the values of one column of the new data set in SI (runs,), or as text for a column of text.
 
         `source` is the origin of the column: a column of the researcher's table, or a formula.
@@ -264,7 +264,7 @@ class RigTable:
         known = slip[np.isfinite(slip)]
         if not known.size or np.abs(known).max() <= PER_CENT:
             return
-        source = self.sources.get("slip", Source("slip"))
+        source = self.sources.get("slip", ColumnOrigin("slip"))
         farthest = float(known[np.abs(known).argmax()])
         other = "over-travel-speed" if farthest > 0.0 else "over-rim-speed"
         divisor = other[5:].replace("-", " ")

@@ -63,7 +63,7 @@ SLENDERNESS = (0.05, 5.0)
 """Range of the ratio of width to diameter of usual wheels: 0.05 for a bicycle, 2 for a road roller."""
 
 
-class Check(NamedTuple):
+class PhysicsCheck(NamedTuple):
     """Result of one physical check of rig data: whether a limit is exceeded, and the finding to report if it is."""
 
     is_beyond: bool | np.bool_
@@ -89,13 +89,13 @@ def suspicions(data: RigSet) -> list[Finding]:
     return [Finding(check.what, data.name, check.todo) for check in _doubtful(data) if check.is_beyond]
 
 
-def _impossible(data: RigSet) -> Iterator[Check]:
+def _impossible(data: RigSet) -> Iterator[PhysicsCheck]:
     """Yield the checks of sizes, signs and the balance of work; if one of them fails, the data set is refused."""
     # Loads in kN or kg of a full-scale machine are within the range; only impossible ones are refused here.
     low, high = data.load.min(), data.load.max()
     what = f"load_N ranges from {low:g} to {high:g} N, which no wheel carries"
     todo = f"give newtons, from {LOAD_RANGE[0]:g} to {LOAD_RANGE[1]:g}"
-    yield Check(not (low >= LOAD_RANGE[0] and high <= LOAD_RANGE[1]), what, todo)
+    yield PhysicsCheck(not (low >= LOAD_RANGE[0] and high <= LOAD_RANGE[1]), what, todo)
     for channel in data.channels:
         name, largest = channel.column, np.nanmax(np.abs(channel.measured), initial=1e-300)
         # Forces and torques are compared with the load; a sinkage has no such scale.
@@ -103,13 +103,13 @@ def _impossible(data: RigSet) -> Iterator[Check]:
             share, scale = np.abs(_over_load(data, channel.measured, channel.unit)), _scale_name(channel.unit)
             median, row = float(np.nanmedian(share)), int(np.nanargmax(share))
             what = f"{name} is {median:.3g} times the {scale}, more than any soil gives"
-            yield Check(median > MAX_MEDIAN_FORCE, what, f"check the units of {name} and load_N")
+            yield PhysicsCheck(median > MAX_MEDIAN_FORCE, what, f"check the units of {name} and load_N")
             what = f"{name} is {share[row]:.3g} times the {scale} in row {row + 1}"
-            yield Check(share[row] > MAX_FORCE, what, "correct or remove that row")
+            yield PhysicsCheck(share[row] > MAX_FORCE, what, "correct or remove that row")
         # A noise that is too small would make every model appear wrong.
         finest = float(np.min(channel.sd / largest))
         what = f"the noise of {name} is {finest:.2g} times its largest value, which is finer than any sensor"
-        yield Check(finest < MIN_RESOLUTION, what, "state the SD of one run, from repeats")
+        yield PhysicsCheck(finest < MIN_RESOLUTION, what, "state the SD of one run, from repeats")
 
     # Signs: sinkage is positive downwards, torque positive when driving, pull positive forwards.
     every = np.ones(data.slip.size, dtype=bool)
@@ -122,7 +122,7 @@ def _impossible(data: RigSet) -> Iterator[Check]:
         median, word = _some(np.median, measured[use]), "negative" if sign > 0.0 else "positive"
         what = f"{kind.column} is {word}{when} ({median:.3g} in the median)"
         is_turned = sign * median < -CLEAR_SDS * _some(np.median, sd[use])
-        yield Check(is_turned, what, f"multiply the column by -1: positive is {positive}")
+        yield PhysicsCheck(is_turned, what, f"multiply the column by -1: positive is {positive}")
 
     # Work: a driving wheel gives out no more work than its torque puts in.
     put_in, out, _ = work(data)
@@ -131,7 +131,7 @@ def _impossible(data: RigSet) -> Iterator[Check]:
     times = work_out / work_in if work_in > 0.0 else np.inf
     what = f"the driving wheel gives out {times:.3g} times the work that its torque puts in, in the median"
     todo = "check the units of torque_Nm and drawbar_pull_N, and the wheel's r"
-    yield Check(work_out > MAX_EFFICIENCY * work_in, what, todo)
+    yield PhysicsCheck(work_out > MAX_EFFICIENCY * work_in, what, todo)
     yield _little_torque(data, MIN_TORQUE)
 
 
@@ -148,24 +148,26 @@ def work(data: RigSet) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return torque / r * rim, pull * travel, np.hypot(torque_sd / r * rim, pull_sd * travel)
 
 
-def _little_torque(data: RigSet, limit: float) -> Check:
+def _little_torque(data: RigSet, limit: float) -> PhysicsCheck:
     """Return the check that finds a torque too small for a slipping wheel: below `limit` times load times radius."""
     # A slipping wheel shears the soil, which needs torque.
     share = _some(np.median, _over_load(data, _read(data, Torque)[0], "N m")[data.slip > SLIPPING])
     what = f"torque_Nm at slips above {SLIPPING:g} is {share:.2g} times load times radius, less than any soil gives"
-    return Check(share < limit, what, "check the units of torque_Nm and load_N, and the wheel's r")
+    return PhysicsCheck(share < limit, what, "check the units of torque_Nm and load_N, and the wheel's r")
 
 
-def _doubtful(data: RigSet) -> Iterator[Check]:
+def _doubtful(data: RigSet) -> Iterator[PhysicsCheck]:
     """Yield the checks that find a wrong unit, and an improbable pull, sinkage or vertical moment."""
     # A width or radius in another unit gives an impossible ratio.
     slender = float(data.wheel.b) / (2.0 * float(data.wheel.r))
     what = f"the wheel's width is {slender:.2g} times its diameter"
-    yield Check(not SLENDERNESS[0] <= slender <= SLENDERNESS[1], what, "check r and b of [wheel], and their units")
+    yield PhysicsCheck(
+        not SLENDERNESS[0] <= slender <= SLENDERNESS[1], what, "check r and b of [wheel], and their units"
+    )
     for kind, limit in DOUBTFUL_FORCE.items():
         share = _some(np.median, _over_load(data, _read(data, kind)[0], kind.unit)[data.slip > DRIVING])
         what = f"{kind.column} is {share:.3g} times the {_scale_name(kind.unit)} in the median, more than sand gives"
-        yield Check(share > limit, what, "check whether load_N is in kg, or a sensor has an offset")
+        yield PhysicsCheck(share > limit, what, "check whether load_N is in kg, or a sensor has an offset")
     yield _little_torque(data, DOUBTFUL_TORQUE)
 
     # Pull: the pull must not give out more work than was put in, must not fall with slip, and must not stay at zero.
@@ -173,7 +175,7 @@ def _doubtful(data: RigSet) -> Iterator[Check]:
     put_in, out, sd = work(data)
     gains = (data.slip > DRIVING) & (out - put_in > CLEAR_SDS * sd)
     what = f"{int(gains.sum())} of {gains.size} runs give out more work than their torque puts in"
-    yield Check(gains.any(), what, "the torque sensor's zero or the wheel's r is wrong")
+    yield PhysicsCheck(gains.any(), what, "the torque sensor's zero or the wheel's r is wrong")
 
     # A pull with the wrong sign falls with slip and ends below zero.
     pull, sd = _read(data, DrawbarPull)
@@ -184,12 +186,12 @@ def _doubtful(data: RigSet) -> Iterator[Check]:
         falls = spearmanr(data.slip[order], pull[order]).statistic < FALLING
         what = f"drawbar_pull_N falls with slip, from {low:.3g} to {high:.3g} N"
         todo = "check its sign: positive is forwards, and the pull of a wheel rises with slip before the wheel digs in"
-        yield Check(falls and high < -CLEAR_SDS * float(np.median(sd[runs])), what, todo)
+        yield PhysicsCheck(falls and high < -CLEAR_SDS * float(np.median(sd[runs])), what, todo)
 
     # A pull that is nearly zero at all slips is in another unit or was not connected.
     largest, span = _some(np.max, np.abs(_over_load(data, pull, "N"))), np.ptp(data.slip)
     what = f"drawbar_pull_N never exceeds {largest:.2g} times the load, although the slips span {span:.2g}"
-    yield Check(
+    yield PhysicsCheck(
         span > SLIPPING and largest < DOUBTFUL_PULL, what, "soil gives 0.1 or more: check the units of both columns"
     )
 
@@ -203,14 +205,16 @@ def _doubtful(data: RigSet) -> Iterator[Check]:
     soft = stiffness < MIN_STIFFNESS and b * stiffness < MIN_STIFFNESS_WIDTH
     what = f"pressure over sinkage is {stiffness:.2g} Pa/m, {'softer than loose sand' if soft else 'stiffer than clay'}"
     todo = "check load_N (newtons, not kg), sinkage_m, and r and b of [wheel]"
-    yield Check(soft or stiffness > MAX_STIFFNESS, what, todo)
+    yield PhysicsCheck(soft or stiffness > MAX_STIFFNESS, what, todo)
 
     # Depth: only a wheel that is pushed sideways sinks deeper than its axle.
     ahead = np.where(np.abs(data.slip_angle) < LARGE_SLIP_ANGLE, sunk, np.nan)
     deepest = _some(np.max, ahead)
     row = int(np.nanargmax(ahead)) + 1 if np.isfinite(deepest) else 0
     what = f"sinkage_m is {deepest:.3g} m in row {row}, deeper than the axle of a wheel of radius {r:g} m"
-    yield Check(deepest > r, what, "check the unit and the zero of sinkage_m, because no model predicts such a run")
+    yield PhysicsCheck(
+        deepest > r, what, "check the unit and the zero of sinkage_m, because no model predicts such a run"
+    )
 
     # A vertical moment is too large for the side force if the force would act beyond the wheel.
     (moment, moment_sd), (side, side_sd) = _read(data, VerticalMoment), _read(data, SideForce)
@@ -220,7 +224,7 @@ def _doubtful(data: RigSet) -> Iterator[Check]:
     where = "ahead of" if arm > 0.0 else "behind"
     what = f"by {VerticalMoment.column} the side force acts {abs(arm):.3g} m {where} the axle, beyond the rim"
     todo = "convert the moment to the wheel's centre, or state moment_arm in [rig], and check its unit"
-    yield Check(abs(arm) > float(data.wheel.r) + CLEAR_SDS * arm_sd, what, todo)
+    yield PhysicsCheck(abs(arm) > float(data.wheel.r) + CLEAR_SDS * arm_sd, what, todo)
 
 
 def _over_load(data: RigSet, values: np.ndarray, unit: str) -> np.ndarray:

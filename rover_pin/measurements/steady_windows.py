@@ -22,7 +22,7 @@ its value."""
 
 
 @dataclass(frozen=True)
-class Steady:
+class SteadyConditions:
     """Conditions of a steady window (all assumed).
 
     The first `settle` seconds of a run are omitted, and so are windows with a rim speed below `slowest` [m/s]. Within a
@@ -74,7 +74,7 @@ class Mean(NamedTuple):
     slope_sd: float
 
 
-def steady_windows(trace: Trace, rover: Rover, motor: Motor, length: float, steady: Steady) -> list[Window]:
+def steady_windows(trace: Trace, rover: Rover, motor: Motor, length: float, steady: SteadyConditions) -> list[Window]:
     """Return the steady windows of a run, for each wheel, or for each axle if statics determines only its total load.
 
     The torque T is K i with the measured current i, or K (delta V - K omega) / R from duty and wheel rate if no current
@@ -93,7 +93,7 @@ def steady_windows(trace: Trace, rover: Rover, motor: Motor, length: float, stea
         Converts current, or duty and rate, to torque.
     length : float
         Length of a window [s].
-    steady : Steady
+    steady : SteadyConditions
         Conditions for a window.
 
     Raises
@@ -138,7 +138,7 @@ class _Run:
         rows = (self.place, self.duty, self.rate, self.current, self.roll, self.pitch, self.yaw, *self.angles.values())
         self.complete = np.all([np.isfinite(channel).reshape(len(self.t), -1).all(axis=1) for channel in rows], axis=0)
 
-    def windows(self, rows: np.ndarray, steady: Steady) -> list[Window]:
+    def windows(self, rows: np.ndarray, steady: SteadyConditions) -> list[Window]:
         """Return the steady windows of the wheels for one window of time, given by the indices `rows` of the log.
         Wheels that were not steady are omitted.
         """

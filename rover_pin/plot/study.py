@@ -23,7 +23,7 @@ UNITS = {"m": "m", "s": "s", "J": "J", "deg": "deg", "W": "W", "N": "N"}
 """Last part of an outcome's name, such as m in distance_m -> unit of the outcome."""
 
 
-class Parameter(NamedTuple):
+class StudyParameter(NamedTuple):
     """A varied parameter of a study: its value in each case, the label of its axis, and whether the axis is
     logarithmic.
     """
@@ -53,14 +53,14 @@ def study_figure(name: str, table: Any, units: Mapping[str, str], logarithmic: S
         Parameters that were sampled on a logarithmic scale.
     """
     done = table[table["error"].isna()]
-    numbers: dict[str, Parameter] = {}
+    numbers: dict[str, StudyParameter] = {}
     for parameter, unit in units.items():
         # Parameters that are numbers become axes; angles are shown in degrees.
         if _varies(done, parameter):
             values, log = done[parameter].to_numpy(float), parameter in logarithmic
             if unit == "rad":
                 values, unit = np.degrees(values), "deg"
-            numbers[parameter] = Parameter(values, f"{parameter} [{unit}]" if unit else parameter, log)
+            numbers[parameter] = StudyParameter(values, f"{parameter} [{unit}]" if unit else parameter, log)
     # The first varied text, such as the name of a soil, divides the cases into kinds, which differ by colour.
     words = [parameter for parameter in units if parameter not in numbers]
     kind = next((word for word in words if 1 < done[word].nunique() <= len(COLOURS)), "")
@@ -71,7 +71,7 @@ def study_figure(name: str, table: Any, units: Mapping[str, str], logarithmic: S
     varying = [column for column in table.columns[first:] if column not in units and _varies(done, column)]
     main = [column for column in MAIN_OUTCOMES if column in varying]
     outcomes = [*main, *(column for column in varying if column not in main)][:MAX_OUTCOMES]
-    columns = list(numbers.values())[:MAX_PARAMETERS] or [Parameter(np.arange(len(done)), "case")]
+    columns = list(numbers.values())[:MAX_PARAMETERS] or [StudyParameter(np.arange(len(done)), "case")]
     has_maps = len(columns) > 1 and bool(outcomes)
     heights = [1.25] * has_maps + [1.0] * max(len(outcomes), 1)
     figure = Figure(figsize=(10.0, 0.6 + 2.6 * sum(heights)), layout="constrained")
@@ -111,7 +111,9 @@ def _label(outcome: str) -> str:
     return f"{words.replace('_', ' ')} [{UNITS[unit]}]" if unit in UNITS and words else outcome.replace("_", " ")
 
 
-def _row(part: Any, columns: list[Parameter], outcome: np.ndarray, name: str, kinds: np.ndarray, kind: str) -> None:
+def _row(
+    part: Any, columns: list[StudyParameter], outcome: np.ndarray, name: str, kinds: np.ndarray, kind: str
+) -> None:
     """Draw a row of panels with an outcome against each parameter. Kinds of case differ by colour and marker.
 
     `part` is the subfigure, `name` is the name of the outcome, `kinds` has the kind of each case, and `kind` is the
@@ -137,7 +139,7 @@ def _row(part: Any, columns: list[Parameter], outcome: np.ndarray, name: str, ki
         panels[-1].legend(title=kind, fontsize=7, title_fontsize=7)
 
 
-def _set_scales(axes: Axes, x: Parameter, y: Parameter | None = None) -> None:
+def _set_scales(axes: Axes, x: StudyParameter, y: StudyParameter | None = None) -> None:
     """Draw a grid, and make the axes of parameters with a logarithmic scale logarithmic."""
     axes.grid(alpha=0.3)
     axes.set_xscale("log" if x.log else "linear")

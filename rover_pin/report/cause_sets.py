@@ -13,7 +13,7 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name
 from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.wording import MIN_MENTIONED, Outcome
-from rover_pin.report.page import CHOSEN, Row, Table
+from rover_pin.report.page import CHOSEN, ReportTable, TableRow
 from rover_pin.report.words import Labels, brief, kinds_of, listing, two_digits, with_interval
 
 BASE_MODEL = "nothing (base model)"
@@ -154,7 +154,7 @@ def worst(scores: Sequence[ChannelScore]) -> list[ChannelScore]:
     return sorted(scores, key=lambda score: (not score.worded.lost, -score.times(score.before)))
 
 
-def cause_table(verdict: Verdict, labels: Labels) -> Table | None:
+def cause_table(verdict: Verdict, labels: Labels) -> ReportTable | None:
     """Return the table of the first screen: the possible causes with size, probability and held-out error, and the base
     model in the last row. The result is None if no model was fitted.
     """
@@ -199,4 +199,4 @@ def cause_table(verdict: Verdict, labels: Labels) -> Table | None:
         )
     heads = ("cause", "size, 95 % interval", "probability", "held-out error", "held-out error of all channels")
     looks = [CHOSEN * (bool(row.names) and row.names == verdict.named) for row in rows]
-    return Table(heads, tuple(map(Row, cells, looks)))
+    return ReportTable(heads, tuple(map(TableRow, cells, looks)))

@@ -45,7 +45,7 @@ Sections = Sequence[Section | Callable[[], Section | None] | None]
 section, or None, when it is called; this is for a section that another process is still making."""
 
 
-class Row(NamedTuple):
+class TableRow(NamedTuple):
     """One row of a table: the texts of its cells, and its look, which is CHOSEN, AWAY or an empty text."""
 
     cells: tuple[str, ...]
@@ -64,13 +64,13 @@ def before_and_after(added: bool) -> tuple[str, ...]:
     return ("before", "after") if added else ("base model",)
 
 
-class Table(NamedTuple):
+class ReportTable(NamedTuple):
     """A table of texts: the headings of its columns, its rows, and a caption. The first cell of a row is the row's
     name.
     """
 
     heads: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[TableRow, ...]
     caption: str = ""
 
 

@@ -22,7 +22,7 @@ from rover_pin.parameters.soils import HARD_GROUND
 from rover_pin.rover.rover import Rover, load_rover
 from rover_pin.scenarios.controllers import TURNS
 from rover_pin.simulation.model.cruise import CRUISE_SLIP
-from rover_pin.simulation.model.defaults import Selection, driven_soil, own_motor, usual_angles, usual_slip
+from rover_pin.simulation.model.defaults import DefaultChoice, driven_soil, own_motor, usual_angles, usual_slip
 from rover_pin.simulation.model.effect_files import reading_traction
 from rover_pin.simulation.model.model import Model, base_effects, cruising
 from rover_pin.simulation.model.motor import MOTORS, motor_named
@@ -140,7 +140,7 @@ def _on_soil(request: Settings, rover: Rover, soil: Soil, traction: SoilTraction
     word = request.word(
         "motor", rover.motor if isinstance(rover.motor, str) else "of its TOML or weight", MOTORS, MOTOR
     )
-    motor = Selection(motor_named(word)) if word else own_motor(rover)
+    motor = DefaultChoice(motor_named(word)) if word else own_motor(rover)
     effects = base_effects(soil, rover, traction)
     grounds = (soil, HARD_GROUND)  # the terrain's soil indices 0 and 1
     slip: AlgebraicSlip | RelaxedSlip = request.choice(

@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_pin.view.colours import in_bytes, slip_colour
 from rover_pin.view.film import Film
-from rover_pin.view.triangles import Shape, patches, ruled_lines
+from rover_pin.view.triangles import LinkShape, patches, ruled_lines
 
 SOILS = ((201, 176, 130), (128, 124, 122), (176, 140, 110), (150, 160, 140))
 """Colours of the soils by soil index: sand, hard ground, and two more. All further soils have the last colour."""
@@ -45,13 +45,13 @@ class Stage:
         The empty scene.
     film : Film
         The drive, frame by frame.
-    shapes : list of Shape
+    shapes : list of LinkShape
         The shapes of the rover, which the ghosts share.
     ghosts : sequence of Ghost
         Other drives of the rover.
     """
 
-    def __init__(self, scene: Any, film: Film, shapes: list[Shape], ghosts: Sequence[Ghost] = ()):
+    def __init__(self, scene: Any, film: Film, shapes: list[LinkShape], ghosts: Sequence[Ghost] = ()):
         self.scene, self.film, self.ghosts = scene, film, tuple(ghosts)
         self.shown: dict[str, tuple[int, int, int]] = {}
         scene.set_up_direction("+z")
@@ -131,7 +131,9 @@ class Stage:
         """
         return {name: self.scene.add_frame(f"{root}/{name}", show_axes=False) for name in film.links}
 
-    def _add_shapes(self, root: str, shapes: list[Shape], ghostly: tuple[int, int, int] | None) -> dict[str, list[Any]]:
+    def _add_shapes(
+        self, root: str, shapes: list[LinkShape], ghostly: tuple[int, int, int] | None
+    ) -> dict[str, list[Any]]:
         """Add shapes to the scene, below the nodes of their links; return name of a wheel -> the nodes whose colour
         shows its slip.
 

@@ -28,7 +28,7 @@ RULED = 0.1
 progress. The distance is one to two wheel radii of a small rover."""
 
 
-class Patch(NamedTuple):
+class SoilMesh(NamedTuple):
     """The part of the terrain that has one soil, as triangles for a 3D view: index of the soil, positions of V vertices
     (V, 3) [m], and F triangles (F, 3), each given by the indices of its vertices.
     """
@@ -38,7 +38,7 @@ class Patch(NamedTuple):
     faces: np.ndarray
 
 
-def patches(terrain: Terrain, box: Extent) -> list[Patch]:
+def patches(terrain: Terrain, box: Extent) -> list[SoilMesh]:
     """Return the terrain within a rectangle as triangles, one patch for each soil."""
     # The terrain is first divided into Q quadrilaterals (Q, 4, 3) [m], each with its soil index (Q,).
     if isinstance(terrain, Lanes):
@@ -84,7 +84,7 @@ def patches(terrain: Terrain, box: Extent) -> list[Patch]:
         # A quad (4, 3) becomes the triangles of its corners 0 1 2 and 0 2 3.
         first = 4 * np.arange(len(corners))[:, None]
         faces = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
-        soil_patches.append(Patch(int(soil), corners.reshape(-1, 3), faces))
+        soil_patches.append(SoilMesh(int(soil), corners.reshape(-1, 3), faces))
     return soil_patches
 
 
@@ -129,7 +129,7 @@ ROD = 0.006
 length."""
 
 
-class Shape(NamedTuple):
+class LinkShape(NamedTuple):
     """A shape of a link as triangles: positions of V vertices (V, 3) [m] in the link's frame, F triangles (F, 3), each
     given by the indices of its vertices, and the colour (red, green, blue from 0 to 1).
     """
@@ -142,7 +142,7 @@ class Shape(NamedTuple):
     "name of the wheel whose slip this shape shows by its colour; empty for any other shape"
 
 
-def shapes_of(rover: Rover, folder: Path | None = None) -> list[Shape]:
+def shapes_of(rover: Rover, folder: Path | None = None) -> list[LinkShape]:
     """Return the shapes of all links of a rover.
 
     Wheels get a mark that shows their rotation. A link without shapes is drawn as rods to the joints that it carries.
@@ -163,9 +163,9 @@ def shapes_of(rover: Rover, folder: Path | None = None) -> list[Shape]:
     rims: dict[str, WheelMount] = {}
     for mount in rover.wheels:
         rims[next((str(frame.name) for frame in bodies if frame.parentJoint == mount.joint), "")] = mount
-    shapes, missing = list[Shape](), set[str]()
+    shapes, missing = list[LinkShape](), set[str]()
     for link in robot.links:
-        link_shapes: list[Shape] = []
+        link_shapes: list[LinkShape] = []
         for visual in link.visuals:
             # Meshes are no longer read when the picture has its maximum number of corners: many links may name one.
             is_full = 3 * sum(len(shape.faces) for shape in (*shapes, *link_shapes)) > MAX_CORNERS
@@ -176,7 +176,7 @@ def shapes_of(rover: Rover, folder: Path | None = None) -> list[Shape]:
                 material = visual.material
                 colour = None if material is None else material.color or palette.get(material.name)
                 r, g, b = PLAIN if colour is None else map(float, colour.rgba[:3])
-                link_shapes.append(Shape(link.name, np.asarray(mesh.vertices), np.asarray(mesh.faces), (r, g, b)))
+                link_shapes.append(LinkShape(link.name, np.asarray(mesh.vertices), np.asarray(mesh.faces), (r, g, b)))
         if link.name in rims:
             link_shapes = list(_wheel(link.name, rims[link.name], link_shapes, rover))
         if not link_shapes:
@@ -189,7 +189,7 @@ def shapes_of(rover: Rover, folder: Path | None = None) -> list[Shape]:
                 if length > 1e-6:
                     segment = np.array([np.zeros(3), end])
                     rod = trimesh.creation.cylinder(radius=min(ROD, length / 10.0), segment=segment)
-                    link_shapes.append(Shape(link.name, np.asarray(rod.vertices), np.asarray(rod.faces), PLAIN))
+                    link_shapes.append(LinkShape(link.name, np.asarray(rod.vertices), np.asarray(rod.faces), PLAIN))
         shapes += link_shapes
     return shapes
 
@@ -223,7 +223,7 @@ def _triangles(geometry: Any, folder: Path | None, missing: set[str]) -> Any:
         return None
 
 
-def _wheel(link: str, mount: WheelMount, link_shapes: list[Shape], rover: Rover) -> Iterator[Shape]:
+def _wheel(link: str, mount: WheelMount, link_shapes: list[LinkShape], rover: Rover) -> Iterator[LinkShape]:
     """Yield the shapes of a wheel. If the link of the wheel has no shapes, a cylinder with the radius and width of the
     wheel is drawn.
 
@@ -240,7 +240,7 @@ def _wheel(link: str, mount: WheelMount, link_shapes: list[Shape], rover: Rover)
     if not link_shapes:
         cylinder = trimesh.creation.cylinder(radius=r, height=b, sections=48)
         cylinder.apply_transform(to_axle)
-        link_shapes = [Shape(link, np.asarray(cylinder.vertices), np.asarray(cylinder.faces), PLAIN)]
+        link_shapes = [LinkShape(link, np.asarray(cylinder.vertices), np.asarray(cylinder.faces), PLAIN)]
     # The largest shape is the rim, which gets the colour of the slip.
     rim, *others = sorted(link_shapes, key=lambda shape: -float(np.prod(np.ptp(shape.vertices, axis=0))))
     yield rim._replace(wheel=mount.name)
@@ -250,4 +250,4 @@ def _wheel(link: str, mount: WheelMount, link_shapes: list[Shape], rover: Rover)
     # A bar on a wheel without further shapes shows that the wheel turns.
     bar = trimesh.creation.box(extents=(1.8 * r, 0.16 * r, 1.04 * b))
     bar.apply_transform(to_axle)
-    yield Shape(link, np.asarray(bar.vertices), np.asarray(bar.faces), (0.12, 0.12, 0.13))
+    yield LinkShape(link, np.asarray(bar.vertices), np.asarray(bar.faces), (0.12, 0.12, 0.13))

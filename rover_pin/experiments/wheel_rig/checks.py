@@ -11,7 +11,7 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.measurements.channel import DrawbarPull, MotorTorque, RigChannel, Sinkage, Torque
 from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.repeats import repeat_groups
-from rover_pin.measurements.rig_physics import Check, refuse_impossible, suspicions
+from rover_pin.measurements.rig_physics import PhysicsCheck, refuse_impossible, suspicions
 from rover_pin.measurements.rig_set import SAME_SLIP, RigSet
 
 MIN_LEVELS = 3
@@ -105,13 +105,13 @@ def findings(experiment: RigExperiment) -> list[Finding]:
     return rows
 
 
-def _checks(data: RigSet) -> Iterator[Check]:
+def _checks(data: RigSet) -> Iterator[PhysicsCheck]:
     """Yield checks for missing measurements, and for gaps, scatter and outliers of each channel."""
     # If the declared soil cannot carry a load, the declaration is wrong: a fit starts from a firmer soil then.
     alone = RigExperiment((data,))
     lost = alone.unpredicted_part(alone.base_model())
     todo = "if the load is right, declare a firmer soil.k_1: a fit starts at the next value that carries all runs"
-    yield Check(bool(lost), f"{lost} with the soil as declared", todo, "load_N")
+    yield PhysicsCheck(bool(lost), f"{lost} with the soil as declared", todo, "load_N")
     # Side force and moment exist only with a slip angle, so their absence is no finding.
     present = {type(channel) for channel in data.channels}
     # A torque by motor current is a measured torque.
@@ -119,22 +119,22 @@ def _checks(data: RigSet) -> Iterator[Check]:
     for kind in (DrawbarPull, Torque, Sinkage):
         what = f"{kind.name} was not measured"
         todo = f"an effect that changes only the {kind.name} cannot be found"
-        yield Check(kind not in present, what, todo, kind.column)
+        yield PhysicsCheck(kind not in present, what, todo, kind.column)
     what = f"all loads are nearly equal ({np.min(data.load):.3g} to {np.max(data.load):.3g} N)"
     todo = "n, c and effects of the load are not identifiable; vary the load by a factor of 1.5"
-    yield Check(not data.loads_vary, what, todo, "load_N")
+    yield PhysicsCheck(not data.loads_vary, what, todo, "load_N")
     todo = "the noise is stated but not measured; repeat each level"
-    yield Check(bool(np.bincount(repeats(data)).max() < 2), "no level is repeated", todo, "level")
+    yield PhysicsCheck(bool(np.bincount(repeats(data)).max() < 2), "no level is repeated", todo, "level")
     todo = "effects of the speed are left out; give rim or travel speed, as a column or in [speed]"
-    yield Check(data.speeds is None, "no speeds", todo, "rim_speed_mps")
+    yield PhysicsCheck(data.speeds is None, "no speeds", todo, "rim_speed_mps")
     # Each channel may have gaps, repeated runs that scatter more than the stated noise, and outliers among these runs.
     for channel in data.channels:
         # A stated noise below the scatter of repeats would make scatter look like an effect.
         empty, scatter, group = int((~channel.has_value).sum()), repeat_sd(data, channel), repeats(data)
         what = f"{empty} of {channel.has_value.size} runs have no {channel.name}"
-        yield Check(empty > 0, what, "their other channels are used", channel.column)
+        yield PhysicsCheck(empty > 0, what, "their other channels are used", channel.column)
         what = f"the SD of repeats is {scatter:.1f} times the stated noise"
-        yield Check(scatter > MAX_NOISE_RATIO, what, "state the larger noise", channel.column)
+        yield PhysicsCheck(scatter > MAX_NOISE_RATIO, what, "state the larger noise", channel.column)
         # Fewer than three repeats do not show which of them is the outlier.
         for number in range(group.max() + 1):
             members = np.flatnonzero((group == number) & channel.has_value)
@@ -143,7 +143,7 @@ def _checks(data: RigSet) -> Iterator[Check]:
                 off = np.abs(values - np.median(values)) / channel.sd[members]
                 what = f"{data.runs[members[off.argmax()]]} lies {off.max():.0f} SD from its repeats"
                 todo = "check this run; the run has less weight in the fits"
-                yield Check(off.max() > HUBER_THRESHOLD, what, todo, channel.column)
+                yield PhysicsCheck(off.max() > HUBER_THRESHOLD, what, todo, channel.column)
 
 
 def repeats(data: RigSet) -> np.ndarray:

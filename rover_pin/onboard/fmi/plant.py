@@ -131,7 +131,7 @@ def plant(model: Model, start: Start = Start(), timing: Timing = Timing()) -> Fu
     )
 
 
-class _Block:
+class _MemoryBlock:
     """A block of memory that one NumPy array occupies, or several arrays that share memory. It becomes one array in the
     C struct of the unit.
     """
@@ -150,12 +150,12 @@ class _Image:
 
     def __init__(self, kernel: Kernel, loop: Loop, functions: Mapping[str, str]):
         arrays = [*kernel.fixed.keep.values(), *kernel.keep.values(), *loop.keep.values()]
-        self.blocks, self.functions = list[_Block](), functions
+        self.blocks, self.functions = list[_MemoryBlock](), functions
         # Views into one array share its memory, and must do so in C too, where one function writes what another reads.
         nonempty = (array for array in arrays if isinstance(array, np.ndarray) and array.nbytes)
         for array in sorted(nonempty, key=lambda array: (array.ctypes.data, -array.nbytes)):
             if not self.blocks or array.ctypes.data >= self.blocks[-1].end:
-                self.blocks.append(_Block(f"block_{len(self.blocks)}", array))
+                self.blocks.append(_MemoryBlock(f"block_{len(self.blocks)}", array))
         self.numbers, self.pointers, self.loop, self.held = list[str](), list[str](), loop, kernel.struct.n_held
         for target, struct, groups in (("drive", kernel.struct, FIELDS), ("loop", loop.struct, LOOP_FIELDS)):
             for name, form in ((name, form) for _, lines, form in groups for names in lines for name in names.split()):

@@ -33,7 +33,7 @@ from rover_pin.report.drive.residuals import (
     telling_channels,
     words_of,
 )
-from rover_pin.report.page import AWAY, Picture, Row, Section, Table, before_and_after
+from rover_pin.report.page import AWAY, Picture, ReportTable, Section, TableRow, before_and_after
 from rover_pin.report.verdict_page import VerdictPage, write_verdict
 from rover_pin.report.words import Labels, listing, pair
 from rover_pin.simulation.model.model import Model
@@ -119,13 +119,13 @@ def free_runs_section(verdict: Verdict) -> Section | None:
     ]
     if len(free) > 1:
         rows.append(_free_row("all runs together", "", *distances_of(free), added))
-    table = Table(
+    table = ReportTable(
         ("run", "distance driven", *before_and_after(added)), tuple(rows), "RMS distance from the measured position"
     )
     return Section("Free runs", "drive/free_runs.html", {"table": table})
 
 
-def _free_row(run: str, driven: str, before: float, after: float, added: bool) -> Row:
+def _free_row(run: str, driven: str, before: float, after: float, added: bool) -> TableRow:
     """Return the table row of one run, with the RMS distances of its free runs from the measured path.
 
     `before` and `after` are the distances [m] without and with the added effects, `driven` is the driven distance as
@@ -133,7 +133,7 @@ def _free_row(run: str, driven: str, before: float, after: float, added: bool) -
     """
     distances = (before, after) if added else (before,)
     cells = (f"{1e3 * distance:.1f} mm" if np.isfinite(distance) else "did not drive" for distance in distances)
-    return Row((run, driven, *cells), AWAY * (added and not after <= before))
+    return TableRow((run, driven, *cells), AWAY * (added and not after <= before))
 
 
 def where_wrong_section(sides: Sides | None) -> Section | None:

@@ -25,7 +25,7 @@ from rover_pin.experiments.drive_log.free_runs import extra_of
 from rover_pin.experiments.unlisted.actions import GRIP, READING, VOLTAGE, Scene
 from rover_pin.experiments.unlisted.residual import DriveResidual, signals
 from rover_pin.experiments.unlisted.terms import Term
-from rover_pin.report.page import AWAY, Picture, Row, Section, Table
+from rover_pin.report.page import AWAY, Picture, ReportTable, Section, TableRow
 from rover_pin.report.svg import AFTER, BEFORE, GREY, NOISE
 from rover_pin.simulation.trace.channels import wheel_of
 
@@ -278,12 +278,12 @@ def residual_section(verdict: Verdict) -> Section | None:
     for term in residual.terms[:MAX_LISTED]:
         held_out = "" if term.held_out is None else f"{term.held_out:+.1f}"
         gains = (f"{term.gain:.1f}", f"{term.detection_threshold:.1f}", held_out, f"{term.strength:+.1f}")
-        terms.append(Row((f"the residual {term.description}", *gains)))
+        terms.append(TableRow((f"the residual {term.description}", *gains)))
     heads = ("description of the residual", "decrease of chi2", "by chance", "in held-out runs", "net decrease")
     # If the residual is only noise, no terms are shown: they would describe the noise.
     content = {
         "description": residual.description,
-        "terms": Table(heads, tuple(terms)) if not residual.is_noise else None,
+        "terms": ReportTable(heads, tuple(terms)) if not residual.is_noise else None,
         "channels": channel_table(residual),
         "draft": verdict.draft,
     }
@@ -300,13 +300,13 @@ def residual_section(verdict: Verdict) -> Section | None:
     return Section("Remaining residual", "drive/residual.html", content, pictures)
 
 
-def channel_table(residual: DriveResidual) -> Table:
+def channel_table(residual: DriveResidual) -> ReportTable:
     """Return the table of the residuals of each channel with their correlations. The largest residual comes first."""
     # The RMS is in units of the channel's noise, so that channels of different units can be ranked.
     ranked = sorted(residual.channels, key=lambda channel: -channel.rms)[:MAX_RESIDUAL_CHANNELS]
     signals = tuple(residual.channels[0].correlations) if residual.channels else ()
     rows = [
-        Row(
+        TableRow(
             (
                 words_of(channel.name),
                 f"{channel.rms:.2f}",
@@ -321,7 +321,7 @@ def channel_table(residual: DriveResidual) -> Table:
         for channel in ranked
     ]
     heads = ("channel", "times the noise", "with the next block", *signals, "largest residual")
-    return Table(heads, tuple(rows), "Correlations of the residual (measured - model)")
+    return ReportTable(heads, tuple(rows), "Correlations of the residual (measured - model)")
 
 
 RUN_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")

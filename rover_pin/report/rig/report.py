@@ -17,7 +17,7 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.measurements.rig_set import RigSet
 from rover_pin.report.cause_sets import best_held_out
 from rover_pin.report.experiment import points_picture
-from rover_pin.report.page import AWAY, Picture, Row, Section, Table, before_and_after
+from rover_pin.report.page import AWAY, Picture, ReportTable, Section, TableRow, before_and_after
 from rover_pin.report.rig.figures import Look, channel_panels, load_caption, looks, residual_panels
 from rover_pin.report.svg import GREY
 from rover_pin.report.verdict_page import VerdictPage, write_verdict
@@ -140,17 +140,17 @@ def where_wrong_section(verdict: Verdict, data: RigSet) -> Section | None:
     return Section("Residuals against slip", "rig/where_it_lives.html", content, pictures)
 
 
-def test_table(sides: RigExtra, added: bool) -> Table:
+def test_table(sides: RigExtra, added: bool) -> ReportTable:
     """Return the table of correlations of the residuals (measured - model), without and with the added effects.
 
     `sides` holds the diagnostics of both models, and `added` is whether effects were added.
     """
     heads = ("channel", "correlation with", *before_and_after(added))
     rows = [
-        Row((was.channel, was.against, _test(was), *((_test(now),) if added else ())), AWAY * now.is_significant)
+        TableRow((was.channel, was.against, _test(was), *((_test(now),) if added else ())), AWAY * now.is_significant)
         for was, now in zip(sides.before.tests, sides.after.tests, strict=True)
     ]
-    return Table(heads, tuple(rows), "Correlations of the residual (measured - model)")
+    return ReportTable(heads, tuple(rows), "Correlations of the residual (measured - model)")
 
 
 def _test(test: ResidualTest) -> str:
@@ -169,11 +169,11 @@ def elsewhere_section(verdict: Verdict) -> Section | None:
         return None
     sides = [("before", extra.before), *([("after", extra.after)] if verdict.named else [])]
     rows = [
-        Row((when, flag.sentence), AWAY if flag.says is Against.AWAY else "")
+        TableRow((when, flag.sentence), AWAY if flag.says is Against.AWAY else "")
         for when, side in sides
         for flag in side.flags
     ]
-    table = Table(("model", "constant with its 95 % interval, and the other measurement"), tuple(rows))
+    table = ReportTable(("model", "constant with its 95 % interval, and the other measurement"), tuple(rows))
     return Section("Comparison with other measurements", "rig/elsewhere.html", {"table": table})
 
 
@@ -189,9 +189,9 @@ def set_by_set_section(verdict: Verdict) -> Section | None:
         values = (row.before, row.after, row.noise) if added else (row.before, row.noise)
         errors = [format_value(value, row.unit) for value in values]
         curve = f"{format_value(row.curve_error, row.unit)} ({row.curve})"
-        rows.append(Row((f"{row.set}: {row.channel}", *errors, curve), AWAY * row.is_lost))
+        rows.append(TableRow((f"{row.set}: {row.channel}", *errors, curve), AWAY * row.is_lost))
     heads = ("set and channel", *before_and_after(added), "noise", "curve through that set alone")
-    table = Table(heads, tuple(rows), "Held-out errors of each set")
+    table = ReportTable(heads, tuple(rows), "Held-out errors of each set")
     return Section("Errors of each set", "rig/set_by_set.html", {"table": table})
 
 

@@ -19,7 +19,7 @@ from rover_pin.estimation.profile import CLEAR_SDS, NORMAL_95
 from rover_pin.estimation.wording import MAX_NAMED, format_value, interval, spread
 from rover_pin.inference.beliefs import MIN_WRITTEN, Beliefs, Hypothesis, held_out_gain
 from rover_pin.inference.cause import SIZE_SD, Cause
-from rover_pin.report.page import CHOSEN, Picture, Row, Section, Table
+from rover_pin.report.page import CHOSEN, Picture, ReportTable, Section, TableRow
 from rover_pin.report.svg import AFTER, GREY
 from rover_pin.report.words import Labels, capital, full, human, kinds_of, listing, model_with, two_digits
 
@@ -45,10 +45,10 @@ def causes_section(verdict: Verdict, labels: Labels) -> Section | None:
     if beliefs is None:
         return None
     kinds = kinds_of(verdict)
-    families = [Row((name, f"{probability:.3f}")) for name, probability in beliefs.families.items()]
+    families = [TableRow((name, f"{probability:.3f}")) for name, probability in beliefs.families.items()]
     leading = list(beliefs.included.items())[:MAX_CAUSES]
     causes = [
-        Row(
+        TableRow(
             (full(name, kinds, labels), f"{probability:.3f}", _size_if_acting(beliefs, name)),
             CHOSEN * (name in verdict.named),
         )
@@ -65,7 +65,7 @@ def causes_section(verdict: Verdict, labels: Labels) -> Section | None:
             held_out = f"{gain.total:.3g}{scatter}" if names else "0"
             more = f"{beliefs.leaves_more(names):.2f}" if is_fitted else ESTIMATED
             cells = words, f"{probability:.3f}", more, held_out
-            combinations.append(Row(cells, CHOSEN * (names == frozenset(verdict.named))))
+            combinations.append(TableRow(cells, CHOSEN * (names == frozenset(verdict.named))))
     # The choice when parts of the data are left out, and the errors of all hypotheses together on these parts.
     repeated = capital(human(f"{verdict.chosen_again}.", kinds))
     units = {score.name: score.unit for score in verdict.scores}
@@ -75,11 +75,13 @@ def causes_section(verdict: Verdict, labels: Labels) -> Section | None:
         ]
         repeated += f" The mean of all hypotheses predicts held-out {labels.folds} with the errors {listing(errors)}."
     content = {
-        "families": Table(("family", "probability that one of its causes acts"), tuple(families), "Families of causes"),
+        "families": ReportTable(
+            ("family", "probability that one of its causes acts"), tuple(families), "Families of causes"
+        ),
         "count": beliefs.choice,
         "estimated": not all(hypothesis.is_fitted for hypothesis in beliefs.hypotheses),
-        "causes": Table(("cause", "probability", "its size, if it acts"), tuple(causes), "Causes"),
-        "sets": Table(
+        "causes": ReportTable(("cause", "probability", "its size, if it acts"), tuple(causes), "Causes"),
+        "sets": ReportTable(
             (
                 "causes that act together",
                 "probability",
@@ -163,12 +165,14 @@ def sensitivity_section(verdict: Verdict, labels: Labels) -> Section | None:
     for best, places in results.values():
         name = full(best.name, kinds, labels) + (f", best of {places} places" if places > 1 else "")
         if best.why:
-            undetectable.append(Row((name, best.why, best.size)))
+            undetectable.append(TableRow((name, best.why, best.size)))
         else:
-            detectable.append(Row((name, best.size, two_digits(best.share))))
+            detectable.append(TableRow((name, best.size, two_digits(best.share))))
     content = {
-        "undetectable": Table(("candidate", "reason", "detectable from about"), tuple(undetectable)),
-        "detectable": Table(("candidate", "detectable from about", "relative to its usual size"), tuple(detectable)),
+        "undetectable": ReportTable(("candidate", "reason", "detectable from about"), tuple(undetectable)),
+        "detectable": ReportTable(
+            ("candidate", "detectable from about", "relative to its usual size"), tuple(detectable)
+        ),
     }
     return Section("Detection limits", "sections/sensitivity.html", content)
 

@@ -14,7 +14,7 @@ from rover_pin.discrepancy.rivals import is_better
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import MAX_NAMED, Outcome, figure, format_value, got_worse
 from rover_pin.report.cause_sets import by_outcome, worst
-from rover_pin.report.page import AWAY, Picture, Row, Section, Table
+from rover_pin.report.page import AWAY, Picture, ReportTable, Section, TableRow
 from rover_pin.report.svg import AFTER, BEFORE, GREY
 from rover_pin.report.words import Labels
 
@@ -51,7 +51,7 @@ def held_out_section(verdict: Verdict, labels: Labels) -> Section | None:
     return Section("Held-out errors", "sections/held_out.html", content, pictures)
 
 
-def parts_table(verdict: Verdict, labels: Labels) -> Table:
+def parts_table(verdict: Verdict, labels: Labels) -> ReportTable:
     """Return the table of the errors in each held-out fold of the data, which is a run or a slip level.
 
     If there are few channels, the table has the error of each channel; otherwise it has chi2 of all channels together.
@@ -63,18 +63,18 @@ def parts_table(verdict: Verdict, labels: Labels) -> Table:
             cells = (labels.fold(run_score.run), f"{run_score.blocks}", figure(run_score.before, ".2f"))
             after = (figure(run_score.after, ".2f"), run_score.worded.text) if added else ()
             # A row is marked if the whole interval of the change is above zero, so that the fold became worse.
-            rows.append(Row((*cells, *after), AWAY * (added and run_score.low > 0)))
+            rows.append(TableRow((*cells, *after), AWAY * (added and run_score.low > 0)))
         heads = ("held out", "blocks", *(("before", "after", "change, 95 %") if added else ("chi2 per value",)))
-        return Table(heads, tuple(rows), "All channels together: chi2 per measured value, where 1 is the noise.")
+        return ReportTable(heads, tuple(rows), "All channels together: chi2 per measured value, where 1 is the noise.")
     # One row for each held-out fold, and one column for each channel.
     channels = (labels.channel(score.name) + ", before to after" * added for score in scores)
     pairs = zip(*([_level(level, score, added) for level in score.levels] for score in scores), strict=True)
     names = [level.level for level in scores[0].levels]
-    level_rows = tuple(Row((labels.fold(name), *cells)) for name, cells in zip(names, pairs, strict=True))
-    return Table(("held out", *channels), level_rows)
+    level_rows = tuple(TableRow((labels.fold(name), *cells)) for name, cells in zip(names, pairs, strict=True))
+    return ReportTable(("held out", *channels), level_rows)
 
 
-def baseline_table(verdict: Verdict, labels: Labels) -> Table | None:
+def baseline_table(verdict: Verdict, labels: Labels) -> ReportTable | None:
     """Return the table that compares the held-out errors of simple curves with the errors of the model.
 
     The result is None if no curve was tried.
@@ -87,10 +87,10 @@ def baseline_table(verdict: Verdict, labels: Labels) -> Table | None:
             score, curve = scores[baseline.channel], f"{baseline.curve} of {baseline.given}"
             errors = format_value(baseline.error, baseline.unit), format_value(score.after, baseline.unit)
             away = AWAY * is_better(baseline.error, score.floor, score.after)
-            rows.append(Row((labels.channel(baseline.channel), curve, *errors), away))
+            rows.append(TableRow((labels.channel(baseline.channel), curve, *errors), away))
     heads = ("channel", "curve", "error of the curve", "error of the model")
     caption = "Simple curves in place of the model, on the same held-out data. A mark shows where the curve is better."
-    return Table(heads, tuple(rows), caption) if rows else None
+    return ReportTable(heads, tuple(rows), caption) if rows else None
 
 
 def _level(level: Any, score: ChannelScore, added: bool) -> str:
@@ -105,7 +105,7 @@ def _level(level: Any, score: ChannelScore, added: bool) -> str:
     return f"{before} to {format_value(level.after, score.unit)}" if added else before
 
 
-def channel_table(scores: Sequence[ChannelScore], added: bool, labels: Labels) -> Table:
+def channel_table(scores: Sequence[ChannelScore], added: bool, labels: Labels) -> ReportTable:
     """Return the table of held-out errors by channel. The channel with the largest error relative to its noise comes
     first.
     """
@@ -122,10 +122,10 @@ def channel_table(scores: Sequence[ChannelScore], added: bool, labels: Labels) -
             errors = format_value(score.before, score.unit), format_value(score.after, score.unit)
             ratios = f"{figure(times, '.1f')} to {figure(score.times(score.after), '.1f')}"
             cells = (name, *errors, score.worded.text, floor, ratios, score.claim)
-            rows.append(Row(cells, AWAY * (score.worded.outcome is Outcome.WORSE)))
+            rows.append(TableRow(cells, AWAY * (score.worded.outcome is Outcome.WORSE)))
         else:
-            rows.append(Row((name, format_value(score.before, score.unit), floor, figure(times, ".1f"))))
-    return Table(heads if added else ("channel", "held-out error", "noise", "times the noise"), tuple(rows))
+            rows.append(TableRow((name, format_value(score.before, score.unit), floor, figure(times, ".1f"))))
+    return ReportTable(heads if added else ("channel", "held-out error", "noise", "times the noise"), tuple(rows))
 
 
 def heldout_panel(scores: Sequence[ChannelScore], added: bool, labels: Labels) -> Figure:

@@ -11,7 +11,7 @@ from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import CLEAR_SDS
 from rover_pin.estimation.wording import format_value
-from rover_pin.report.page import AWAY, CHOSEN, Row, Section, Table
+from rover_pin.report.page import AWAY, CHOSEN, ReportTable, Section, TableRow
 
 
 def numbers_section(verdict: Verdict) -> Section | None:
@@ -21,7 +21,7 @@ def numbers_section(verdict: Verdict) -> Section | None:
     return Section("Fitted numbers", "sections/numbers.html", {"numbers": number_table(verdict)})
 
 
-def number_table(verdict: Verdict) -> Table:
+def number_table(verdict: Verdict) -> ReportTable:
     """Return the table of the fitted numbers: their values in the model with added effects, and in the base model.
 
     Numbers that lie more than 3 SD from their prior value come first, then the numbers of the added effects.
@@ -52,7 +52,7 @@ def number_table(verdict: Verdict) -> Table:
         ),
     )
     rows = (_row(row, before, parameters[row.name], partners.get(row.name, ""), added) for row in ranked)
-    return Table(heads, tuple(rows))
+    return ReportTable(heads, tuple(rows))
 
 
 def most_correlated(fitted: Fit) -> dict[str, str]:
@@ -70,7 +70,7 @@ def most_correlated(fitted: Fit) -> dict[str, str]:
     return {name: f"{names[at]} {row[at]:+.2f}" for name, (row, at) in most.items()}
 
 
-def _row(number: Number, before: Mapping[str, Number], parameter: Parameter, partner: str, added: bool) -> Row:
+def _row(number: Number, before: Mapping[str, Number], parameter: Parameter, partner: str, added: bool) -> TableRow:
     """Return the table row of one fitted number.
 
     `before` maps names to the numbers of the base model, `partner` states the number's strongest correlation, and
@@ -85,7 +85,7 @@ def _row(number: Number, before: Mapping[str, Number], parameter: Parameter, par
         notes.append(f"its prior was released: before, {was.away}")
     drift = f"{number.drift:+.2f}" if math.isfinite(number.drift) else ""
     look = AWAY if notes else CHOSEN if was is None else ""
-    return Row((number.name, *sides, beforehand(parameter, number), drift, partner, "; ".join(notes)), look)
+    return TableRow((number.name, *sides, beforehand(parameter, number), drift, partner, "; ".join(notes)), look)
 
 
 def beforehand(parameter: Parameter, number: Number) -> str:

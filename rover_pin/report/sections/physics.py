@@ -11,7 +11,7 @@ from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.effects.names import meaning_of, title_of
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import MAX_LISTED, format_value
-from rover_pin.report.page import Row, Section, Table
+from rover_pin.report.page import ReportTable, Section, TableRow
 from rover_pin.report.words import Labels, brief, capital
 
 
@@ -49,7 +49,7 @@ def physics_section(
     return Section("Added effects and their influence", "sections/physics.html", {"effects": effects})
 
 
-def _numbers(effect: Any, owner: str, side: Side) -> Table:
+def _numbers(effect: Any, owner: str, side: Side) -> ReportTable:
     """Return the table of an effect's parameters: fitted values, defaults, bounds, and sources of the defaults.
 
     `owner` is the name of the effect in the fitted model.
@@ -61,10 +61,10 @@ def _numbers(effect: Any, owner: str, side: Side) -> Table:
         default, number = float(getattr(type(effect)(), name)), fitted.get(f"{owner}.{name}")
         held_value = f"{format_value(float(getattr(effect, name)), quantity.unit)}, held"
         bounds = f"{format_value(quantity.low, quantity.unit)} to {format_value(quantity.high, quantity.unit)}"
-        rows.append(Row((f"{name} ({quantity.symbol})" if quantity.symbol not in ("", name) else name,
+        rows.append(TableRow((f"{name} ({quantity.symbol})" if quantity.symbol not in ("", name) else name,
                          number.interval if number else held_value,
                          format_value(default, quantity.unit), bounds, quantity.source)))  # fmt: skip
-    return Table(("parameter", "fitted, 95 %", "default", "allowed", "source of the default"), tuple(rows))
+    return ReportTable(("parameter", "fitted, 95 %", "default", "allowed", "source of the default"), tuple(rows))
 
 
 MIN_INFLUENCE = 1.0

@@ -44,7 +44,7 @@ on them; only the currents do."""
 Kind = TypeVar("Kind")
 
 
-class Selection(NamedTuple, Generic[Kind]):
+class DefaultChoice(NamedTuple, Generic[Kind]):
     """The motor or the soil that was chosen for a rover, together with the assumptions behind the choice."""
 
     value: Kind
@@ -104,7 +104,7 @@ def usual_slip(rover: Rover) -> RelaxedSlip:
     return relaxed if size == 1.0 else relaxed.replace(length=size * relaxed.length)
 
 
-def own_motor(rover: Rover) -> Selection[Motor]:
+def own_motor(rover: Rover) -> DefaultChoice[Motor]:
     """Return the motor that the rover's TOML names or describes by a data sheet. If the TOML has no motor, return a
     default motor that is sized by the rover's weight.
 
@@ -114,14 +114,14 @@ def own_motor(rover: Rover) -> Selection[Motor]:
     Raises ParameterError: the TOML names an unknown motor.
     """
     if isinstance(rover.motor, str):
-        return Selection(motor_named(rover.motor))
+        return DefaultChoice(motor_named(rover.motor))
     if rover.motor is not None:
         # The data sheet of the motor alone: k_t = V / omega_0, and the resistance that gives its stall torque.
         sheet = rover.motor
         k_t = float(sheet.voltage) / float(sheet.no_load_speed)
         stall = float(sheet.efficiency) * float(sheet.gear) * float(sheet.stall_torque)
         resistance = float(sheet.gear) * k_t * float(sheet.voltage) / stall
-        return Selection(Motor(sheet.voltage, resistance, k_t, sheet.gear, sheet.rotor_inertia))
+        return DefaultChoice(Motor(sheet.voltage, resistance, k_t, sheet.gear, sheet.rotor_inertia))
     # No motor is declared: size one by the rover's weight and wheels.
     n, r = len(rover.wheels), float(rover.radii.max())
     scrub = scrub_share(rover)
@@ -137,7 +137,7 @@ def own_motor(rover: Rover) -> Selection[Motor]:
         if share > scrub
         else f"turn {rover.mass:.3g} kg on the spot by different speeds of the two sides, which drags wheels sideways"
     )
-    return Selection(
+    return DefaultChoice(
         motor,
         (
             f"motor: none in the TOML's [motor], so every wheel gets a motor with the stall torque {stall:.3g} N m and "
@@ -166,7 +166,7 @@ def scrub_share(rover: Rover) -> float:
     return float(math.tan(float(SLOPE_SAND.phi)) * np.mean(np.abs(x - np.mean(x))) / (0.5 * base_of(rover).track))
 
 
-def driven_soil(rover: Rover, name: str = "") -> Selection[Soil]:
+def driven_soil(rover: Rover, name: str = "") -> DefaultChoice[Soil]:
     """Return the soil for a simulated drive of a rover: the soil that the caller or the rover's TOML names, otherwise
     slope-sand with a shear displacement k that is scaled with the wheel radius (`own_soil`).
 
@@ -176,7 +176,7 @@ def driven_soil(rover: Rover, name: str = "") -> Selection[Soil]:
     return own_soil(rover, name, SLOPE_SAND.replace(k=scale(rover) * SLOPE_SAND.k))
 
 
-def own_soil(rover: Rover, name: str = "", default: Soil = TABLE_1) -> Selection[Soil]:
+def own_soil(rover: Rover, name: str = "", default: Soil = TABLE_1) -> DefaultChoice[Soil]:
     """Return the soil with this name, otherwise the soil in the rover's TOML, otherwise the default soil, which is made
     firm enough to carry the rover.
 
@@ -205,12 +205,12 @@ def own_soil(rover: Rover, name: str = "", default: Soil = TABLE_1) -> Selection
         b = float(rover.wheels[0].wheel.b)
         soil = at_width(named, b, float(NEXUS6_WHEEL.b))
         if name or not constants:
-            return Selection(soil)
+            return DefaultChoice(soil)
         where = f"rover '{rover.name}': [soil]"
         # Bekker's constants of the TOML are converted to the wheel's width.
         constants = from_bekker(constants, b, where)
         declared_soil = record_from(type(named), constants, where)
-        return Selection(soil.replace(**{key: getattr(declared_soil, key) for key in constants}))
+        return DefaultChoice(soil.replace(**{key: getattr(declared_soil, key) for key in constants}))
     # Nothing is named: make the default soil firm enough for the wheel that needs it most. The normal force f_n at S =
     # 0 and theta_1 is linear in k_1, so two values of k_1 give the straight line f_n(k_1), which is solved for the
     # load.
@@ -230,7 +230,7 @@ def own_soil(rover: Rover, name: str = "", default: Soil = TABLE_1) -> Selection
             )
         k_1 = max(k_1, needed)
     sand = f"{name_of(default)} with k = {1e3 * float(default.k):.3g} mm and k_1 = {k_1:.3g} Pa"
-    return Selection(
+    return DefaultChoice(
         default.replace(k_1=k_1),
         (
             f"soil: none named, so {sand}, in which a wheel under {load:.3g} N sinks to the entry angle theta_1 = "
