@@ -1,4 +1,8 @@
-"""Choose the priors of the constants of wheel and soil: with a declared SD, with an assumed SD, or no prior at all."""
+"""Choose the priors of the constants of wheel and soil: with a declared SD, with an assumed SD, or no prior at all.
+
+The assumed SDs of the motor and of the motion resistance are here too, because `scenarios` needs them and must not load
+SciPy, as the model of a drive log does.
+"""
 
 import math
 from collections.abc import Mapping
@@ -15,6 +19,11 @@ wrong by a factor of 2 (e^0.7 = 2.0)."""
 SIZE_SD = 0.01
 """Assumed relative SD of a wheel's radius or width that is declared without an SD; it equals the assumption for drive
 logs (`Sampling.wheel_error`)."""
+MOTOR_SD = {"gear": 0.04, "resistance": 0.04}
+"""Motor constant -> prior relative SD if the constant is declared without an SD (assumed: data sheets)."""
+RESISTANCE_SD, UNDECLARED_RESISTANCE_SD, UNDECLARED_DECAY_SD = 0.25, 0.15, 1.0
+"""Prior relative SD of a motion resistance R that is declared without an SD; prior SD of an R, and of its decay q, if
+they are not declared (assumed: wheels on loose sand roll at 0 to 0.3 of their load; q may have any allowed value)."""
 DECADES = math.log(5.0)
 """Distance between neighbouring initial guesses of log k and of log k_1 in a fit, if these constants have no prior."""
 WIDE = 0.25

@@ -12,8 +12,8 @@ from rover_pin.base.trust import Trust
 from rover_pin.discrepancy.experiment import FileExperiment, Parts
 from rover_pin.estimation.parameter import declared_in, parameter_of
 from rover_pin.experiments.drive_log.checks import log as log_checks
-from rover_pin.experiments.drive_log.model import MOTOR_SD, usual_soil
-from rover_pin.experiments.soil_priors import DECLARED_SD
+from rover_pin.experiments.drive_log.model import usual_soil
+from rover_pin.experiments.soil_priors import DECLARED_SD, MOTOR_SD
 from rover_pin.experiments.traction_factors import Shift, TractionFactors
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment, read_joint

@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 from rover_pin.base.errors import RoverPinError
 from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.settings import Setting
-from rover_pin.experiments.drive_log.model import MOTOR_SD, UNDECLARED_DECAY_SD, UNDECLARED_RESISTANCE_SD
-from rover_pin.experiments.soil_priors import SD
+from rover_pin.experiments.soil_priors import MOTOR_SD, SD, UNDECLARED_DECAY_SD, UNDECLARED_RESISTANCE_SD
 
 FILE = "assumed.csv"
 """Name of the file with the assumptions in the results of a command."""

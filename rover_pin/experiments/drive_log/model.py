@@ -27,7 +27,7 @@ from rover_pin.effects.tracking_delay import TrackingDelay
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.estimation.experiment import find
 from rover_pin.estimation.parameter import Parameter, declared_in, parameter_of
-from rover_pin.experiments.soil_priors import SD
+from rover_pin.experiments.soil_priors import MOTOR_SD, RESISTANCE_SD, SD, UNDECLARED_DECAY_SD, UNDECLARED_RESISTANCE_SD
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.parameters.soils import HARD_GROUND
 from rover_pin.rover.description.layout import MotorSheet
@@ -50,8 +50,6 @@ ROLLING_SD = 0.03
 """Prior relative SD of the rolling radius of all wheels of a log without duties (assumed: a tyre's radius is smaller by
 a third of its deflection, a lugged wheel's radius lies between rim and tips). On a straight path, a wrong rolling
 radius looks like slip."""
-MOTOR_SD = {"gear": 0.04, "resistance": 0.04}
-"""Motor constant -> prior relative SD if the constant is declared without an SD (assumed: data sheets)."""
 ORDER_SD = 1.0
 """Prior SD of the logarithm of a motor constant that is not declared: only its order of magnitude is known."""
 LEVEL_SD = math.tan(math.radians(1.0))
@@ -69,9 +67,6 @@ ODOMETRY_SCALE_SD = 0.2
 by this much)."""
 ZERO_SD = {"gyro": 0.01, "accelerometer": 0.2}
 """Inertial sensor -> prior SD of its zero [rad/s], [m/s^2] (assumed: small warm units, 0.6 deg/s and 20 mg)."""
-RESISTANCE_SD, UNDECLARED_RESISTANCE_SD, UNDECLARED_DECAY_SD = 0.25, 0.15, 1.0
-"""Prior relative SD of a motion resistance R that is declared without an SD; prior SD of an R, and of its decay q, if
-they are not declared (assumed: wheels on loose sand roll at 0 to 0.3 of their load; q may have any allowed value)."""
 
 DECIDING_CONSTANTS = {
     "soil": ("phi", "k", "k_1"), "motor": ("supply", "resistance", "k_t", "gear"), "resistance": ("R",),
