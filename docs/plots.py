@@ -49,7 +49,7 @@ def control() -> Figure:
 
 
 def shares() -> Figure:
-    """Return the shares of blind sets with 95 % intervals, each beside its aim."""
+    """Return the shares of blind sets with 95 % intervals, each next to its target."""
     aims = {what: aim for what, (aim, _) in SHARES.items() if aim}
     figure = Figure(figsize=(8.0, 0.46 * len(aims) + 1.0), layout="constrained")
     axes = figure.subplots()
@@ -67,7 +67,7 @@ def shares() -> Figure:
         axes.plot([], [], "o-", color=colour, label=f"{label}, {len(sets)} sets")
     for row, aim in enumerate(reversed(aims.values())):
         low, high = aim_range(aim)
-        axes.fill_between([low, high], row - 0.4, row + 0.4, color="0.85", lw=0, label="aim" if row == 0 else None)
+        axes.fill_between([low, high], row - 0.4, row + 0.4, color="0.85", lw=0, label="target" if row == 0 else None)
     axes.set_yticks(range(len(aims)), [what.replace(":", ":\n", 1) for what in reversed(aims)], fontsize=9.5)
     axes.set(xlabel="share of sets, 95 % interval [%]", xlim=(-2, 102))
     figure.legend(loc="outside upper center", ncols=3, frameon=False)

@@ -4,6 +4,7 @@ The lists come from the code itself, so that a new scenario, soil or effect is l
 """
 
 import inspect
+import itertools
 import math
 import re
 import sys
@@ -128,7 +129,7 @@ def effects() -> list[Entry]:
             "title": kind.title,
             "meaning": kind.meaning,
             "acts": _acts(kind),
-            "equation": first_line(kind),
+            "equation": _equation(kind),
             "vanishes_at": dict(kind.neutral),
             "package": offered[kind].source if kind in offered else OWN_PACKAGE,
         }
@@ -136,6 +137,17 @@ def effects() -> list[Entry]:
         described = kind if kind in offered else sys.modules[kind.__module__]
         entries.append(Entry(kind.__name__, first_sentence(described), facts, numbers_of(kind())))
     return entries
+
+
+def _equation(kind: type[AnyEffect]) -> str:
+    """Return the equation of an effect: the first indented lines of the docstring of its class; empty without such
+    lines.
+    """
+    lines = iter((inspect.getdoc(kind) or "").split("\n"))
+    block = itertools.takewhile(
+        lambda line: line.startswith("    "), itertools.dropwhile(lambda line: not line.startswith("    "), lines)
+    )
+    return re.sub(r"\s+", " ", " ".join(block)).strip(" .,")
 
 
 def _acts(kind: type[AnyEffect]) -> str:
