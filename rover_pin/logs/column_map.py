@@ -52,7 +52,7 @@ def map_columns(table: Columns, entries: Mapping[str, Any], where: str, wheels: 
     DataError
         An entry states neither a column nor a formula, or names an unknown column, key or unit.
     """
-    # Columns with a channel's own name need no entry.
+    # A column whose name is the name of a channel needs no entry.
     direct = {name: values for name, values in table.values.items() if is_column(name, wheels)}
     derived: dict[str, np.ndarray] = {}
     for name, entry in entries.items():
@@ -87,10 +87,11 @@ def mapped_column(name: str, entry: Any, columns: Mapping[str, np.ndarray], wher
     table = {"column" if entry in columns else "formula": entry} if isinstance(entry, str) else entry
     if not isinstance(table, Mapping) or len({"column", "formula"} & table.keys()) != 1:
         raise DataError(
-            f"{where} = {table!r} states no source of the channel: write the name of a column, {{ column = '...' }} or "
+            f"{where} = {table!r} does not state the source of the channel: write the name of a column, "
+            "{ column = '...' } or "
             "{ formula = '...' }."
         )
-    # Python counts True as an int, so that `scale = true` needs its own check.
+    # In Python, True is also an int, so that `scale = true` needs its own check.
     for key, value in table.items():
         if key not in KEYS:
             raise DataError(f"{where} has an unknown key '{key}': {closest(key, KEYS)}")

@@ -68,7 +68,9 @@ from rover_pin.terrain.shapes import flat
 from rover_pin.terrain.terrain import Terrain
 
 FILE, KIND = "drive.toml", "drive-log"
+"""Name of the file that describes a drive log, and the value of its key `kind`."""
 RUN_KEYS, START_KEYS = ("file", "start", "purpose", "units", "attrs", "terrain"), ("x", "y", "yaw")
+"""Keys that a table [[run]] of drive.toml may have, and keys of its table `start`. Any other key is refused."""
 
 
 @brief
@@ -85,13 +87,13 @@ class LogMetadata:
     gravity: float = EARTH
     wheels: tuple[str, ...] = WHEELS
     input: str = ""
-    """The measured channel that a simulation takes as its input, "duties" or "rates". Empty means duties if they are
-    logged."""
+    """The measured channels that a simulation takes as its input: the "duties" of the motors, or the "rates" of the
+    wheels. Empty means duties if the log has them, and otherwise rates."""
     place: str = ""
     """Empty if the pose in the log was measured; "odometry" if the pose was computed from the wheels."""
     angles: str = ""
-    """The rule for the contact angles of the wheels, "fixed" or "sinkage". Empty means fixed for the wheels of the
-    paper."""
+    """The rule for the contact angles of the wheels: "fixed" angles, or angles from the "sinkage". If empty, the angles
+    are fixed for the wheels of the paper, and follow from the sinkage for other wheels."""
     licence: str = ""
     method: str = ""
     missing: Any = ""
@@ -107,8 +109,8 @@ class LogMetadata:
 
     @classmethod
     def of(cls, trace: Trace, name: str) -> LogMetadata:
-        """Return the metadata for writing a simulated trace as a drive log: origin, rover, gravity and wheels from its
-        attributes.
+        """Return the metadata with which a simulated trace is written as a drive log. Origin, rover and gravity come
+        from the attributes of the trace.
         """
         rover, gravity = trace.attrs.get("rover", "nexus6"), trace.attrs.get("gravity_mps2", EARTH)
         return cls(name, trace.attrs.get("made_by", ""), rover, gravity, trace.wheels or WHEELS)
@@ -146,7 +148,7 @@ class DriveLog:
 
         Raises ParameterError: no run of the log has this name.
         """
-        # The suffix is optional, so that a run is found as "climb" and as "climb.csv".
+        # The suffix is optional: the name can be "climb" or "climb.csv".
         stems = [Path(trace.attrs["file"]).stem for trace in self.runs]
         for trace, stem in zip(self.runs, stems, strict=True):
             if name in (stem, Path(trace.attrs["file"]).name):
@@ -162,14 +164,13 @@ class DriveLog:
         return flat()
 
     def terrain_of(self, run: Trace) -> Terrain | None:
-        """Return the terrain of one run if the run has a terrain of its own, and None if the terrain of the log
-        applies.
+        """Return the terrain of one run; None if the terrain of the whole log (`terrain`) applies to this run.
 
-        A run has its own terrain if its entry declares one, or if the log gives every run its own slope or its own
-        estimate. If neither the log nor the run declares a terrain, the terrain is estimated from the run's pitch, roll
-        and height.
+        A run has its own terrain if its entry [[run]] declares one, or if the table [terrain] of the log gives every
+        run its own slope or its own estimate. If neither the log nor the run declares a terrain, the terrain is
+        estimated from the run's pitch, roll and height.
         """
-        # A run's own terrain precedes the log's; without both, the terrain is estimated.
+        # The terrain of the run has priority over the terrain of the log. Without either, the terrain is estimated.
         declared = run.attrs.get("terrain")
         table = declared or self.metadata.terrain or {"estimated": True}
         if is_of_run(table):
@@ -192,8 +193,9 @@ class DriveLog:
 
     @property
     def rover(self) -> str:
-        """The rover's name, or the path of its file if the file lies in the log's folder. `rover_pin.load_rover`
-        accepts both.
+        """The name of the rover, or the path of the rover's file if this file lies in the folder of the log.
+
+        `rover_pin.load_rover` accepts both.
         """
         beside = self.folder / self.metadata.rover
         return str(beside) if is_file(beside) else self.metadata.rover
@@ -235,8 +237,8 @@ def read_drive_log(folder: str | Path, trust: Trust = Trust()) -> DriveLog:
     entries = table.get("run")
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
         raise DataError(f"{file}: the drive log lists no run: add a table [[run]] with file = '...' for each run.")
-    # Declarations are checked before any run is read, because reading many runs takes long. Types are checked before
-    # values, so that each message names the key as the user wrote it.
+    # All declarations are checked before the first run is read, because to read many runs takes long. Types are checked
+    # before values, so that each message names the key as the user wrote it.
     declared = {key: value for key, value in table.items() if key not in ("kind", "run")}
     keys = [field.name for field in dataclasses.fields(LogMetadata)]
     for key, value in declared.items():
@@ -265,15 +267,16 @@ def read_drive_log(folder: str | Path, trust: Trust = Trust()) -> DriveLog:
         if name in names[: at - 1]:
             first = names.index(name) + 1
             raise DataError(f"{file}: run {at} names the file {name!r}, as run {first} does: leave one of them out.")
-    # Runs are read lazily, so that the time left can be reported.
+    # Each run is read when it is requested, so that the remaining time can be shown.
     runs = (_run(file, metadata, at, entry, trust) for at, entry in enumerate(entries, 1))
     return DriveLog(folder, metadata, tuple(showing_progress(runs, len(entries), "runs read")), trust)
 
 
 def write_drive_log(folder: str | Path, traces: Mapping[str, Trace], metadata: LogMetadata) -> Path:
-    """Write traces as a drive log and return its folder. Each trace becomes `NAME.csv` with all digits.
+    """Write traces as a drive log, and return the folder of the log.
 
-    `drive.toml` is written last, so a folder with this file always holds all runs.
+    Each trace is written to `NAME.csv` with all digits. `drive.toml` is written last, so a folder with this file always
+    holds all runs.
 
     Parameters
     ----------
@@ -318,7 +321,7 @@ def _entry(name: str, trace: Trace) -> dict[str, Any]:
 
     Units are written only for channels whose unit differs from the unit that the channel's name implies.
     """
-    # start and purpose have keys of their own; other attributes are stored in `attrs`.
+    # The attributes `start` and `purpose` have their own keys in [[run]]. All other attributes are stored in `attrs`.
     head: dict[str, Any] = {key: trace.attrs[key] for key in ("start", "purpose") if key in trace.attrs}
     units = {channel: unit for channel, unit in trace.units.items() if unit != unit_of(channel)}
     attrs = {key: value for key, value in trace.attrs.items() if key not in ("file", *head)}
@@ -369,7 +372,7 @@ def _run(file: Path, metadata: LogMetadata, at: int, entry: dict[str, Any], trus
     attrs |= {key: getattr(metadata, key) for key in ("input", "place") if getattr(metadata, key)}
     attrs |= {"terrain": entry["terrain"]} if "terrain" in entry else {}
     attrs |= {"purpose": str(entry["purpose"])} if "purpose" in entry else {}
-    # Attributes in the file precede those of drive.toml, and `attrs` of the [[run]] precede both.
+    # If an attribute is stated twice, `attrs` of the [[run]] has priority, then the run's file, then drive.toml.
     trace = run_from(_table(file, metadata, path, trust), metadata.wheels, units=entry.get("units", {}))
     return Trace(trace.channels, trace.units, {**attrs, **trace.attrs, **entry.get("attrs", {})})
 
@@ -456,7 +459,7 @@ def kind_of(channel: str) -> str:
     """Return the key of the table [noise] for a channel, such as "angle" for rocker_l; '' if no key applies to the
     channel.
     """
-    # Several beginnings may fit, of which the longest is the most specific.
+    # If several beginnings fit the name, the longest one is the most specific.
     prefixes = [start for start in STARTS if channel.startswith(start)]
     return STARTS[max(prefixes, key=len)] if prefixes else ""
 

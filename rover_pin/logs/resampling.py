@@ -15,16 +15,19 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MIN_MESSAGES = 5
-"""Minimum number of messages in a series. A shorter series does not become a column."""
+"""Minimum number of messages in a series. A shorter series does not become a column, because fewer messages show no
+usual interval between messages."""
 FINEST, COARSEST = 0.02, 0.2
 """Lower and upper limit of the time step of the common clock [s]. The step is the median of the series' own time steps,
-limited to this range."""
+limited to this range. A shorter step would enlarge the log without more information on the motion of a slow rover. A
+longer step would hide the motion of the suspension over obstacles."""
 MOST_ROWS = 5_000_000
 """Maximum number of rows after resampling. A recording that needs more rows is refused. The limit corresponds to more
 than an hour at 1 kHz."""
 MAX_GAP_RATIO = 5.0
 """Maximum time between two messages, as a multiple of the series' median interval, at which values between them are
-interpolated. In a longer gap, the resampled values are NaN."""
+interpolated. In a longer gap, the resampled values are NaN. A few lost messages are bridged in this way, but not an
+interruption of the recording."""
 CLOCK = "t_s"
 """Name of the column that holds the common time of all series [s]."""
 Series = dict[str, tuple[np.ndarray, np.ndarray]]
@@ -32,8 +35,8 @@ Series = dict[str, tuple[np.ndarray, np.ndarray]]
 
 
 def on_one_clock(path: Path, series: Series, held: Collection[str] = ()) -> tuple[pd.DataFrame, float]:
-    """Resample all series to a common clock. Return them as columns next to the time `t_s`, and the step of this clock
-    [s].
+    """Resample all series to a common clock. Return a table with the time `t_s` and all series as columns, and the time
+    step [s].
 
     Parameters
     ----------
@@ -75,7 +78,7 @@ def on_one_clock(path: Path, series: Series, held: Collection[str] = ()) -> tupl
         if name in held:
             columns[name] = hold_messages(t, seconds, values)
         else:
-            # Before its first and after its last message, a measured series is unknown.
+            # A measured value is unknown before the first message of its series, and after the last.
             is_outside = (t < seconds[0]) | (t > seconds[-1])
             columns[name] = np.where(is_outside, np.nan, interpolate_messages(t, seconds, values))
     return pd.DataFrame({CLOCK: t, **columns}), period
@@ -109,7 +112,8 @@ def interpolate_messages(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> n
     low, high = values[after - 1], values[after]
     jumps = 2.0 * np.abs(high - low) > np.ptp(values[np.isfinite(values)]) if np.isfinite(values).any() else False
     nearer = np.where(t - at[after - 1] < at[after] - t, low, high)
-    # A value across a long gap would be invented, so it is NaN. Times on a message are known in any case.
+    # An interpolated value within a long gap would be invented, so it becomes NaN. At the time of a message itself, the
+    # value is known in any case.
     gaps = (at[after] - at[after - 1]) > MAX_GAP_RATIO * np.median(np.diff(at))
     inside = (t > at[after - 1]) & (t < at[after])
     return np.where(gaps & inside, np.nan, np.where(jumps, nearer, np.interp(t, at, values)))
@@ -125,6 +129,6 @@ def hold_messages(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarr
     at, values : array (messages,)
         Times [s] and values of the messages.
     """
-    # A message at the same time counts, in spite of round-off.
+    # A message at exactly the given time counts. The tolerance of 1 ns covers round-off.
     before = np.searchsorted(at, t + 1e-9, side="right") - 1
     return np.where(before >= 0, values[np.maximum(before, 0)], np.nan)

@@ -55,14 +55,13 @@ class Source(NamedTuple):
     scale: float = 1.0
     unit: str = ""
     hold: bool = False
-    """whether a value is kept until the next message; otherwise values between two messages are interpolated"""
+    """True: a value is kept until the next message; False: values between two messages are interpolated"""
     stamp: str = ""
-    """field that holds the time stamp of the message; empty: the time at which the message was received is used"""
+    """field that holds the time stamp of the message; if empty, the time at which the message was received is used"""
 
 
 def sources_from(columns: Mapping[str, Any], where: str) -> dict[str, Source]:
-    """Return the topic, field, scale, unit and time stamp of each column, as a table [columns] states them for ROS
-    bags.
+    """Read the table [columns] of a drive log in ROS bags, and return the source of each column: its name -> `Source`.
 
     Parameters
     ----------
@@ -81,7 +80,7 @@ def sources_from(columns: Mapping[str, Any], where: str) -> dict[str, Source]:
             f"{where}: a run in a ROS bag needs the table [columns], which states the topic and the field of each "
             "channel: add lines such as duty_fl = { topic = '...', field = '...' }."
         )
-    # One wrong entry refuses the table, because a missing channel would change the result silently.
+    # A single wrong entry raises an error, because a channel that is missing without notice would change the results.
     sources = {}
     for name, entry in columns.items():
         if not isinstance(entry, Mapping) or not {"topic", "field"} <= entry.keys():
@@ -137,8 +136,7 @@ def period_from(bag: Mapping[str, Any], where: str) -> float:
 
 
 def si(name: str, source: Source, values: np.ndarray, where: str) -> np.ndarray:
-    """Return the values of one column of a bag in SI units: multiplied by the declared scale and converted from the
-    declared unit.
+    """Return the values of one column of a bag in SI units, after multiplication by the scale that its source states.
 
     Raises DataError: the declared unit cannot be converted to the unit of the column.
     """
@@ -210,10 +208,10 @@ def read_bag(path: Path, columns: Mapping[str, Any], bag: Mapping[str, Any], whe
     end = min(values[name][0][-1] for name in measured)
     if not end - begin > period:
         raise DataError(
-            f"{path}: the topics of {', '.join(measured[:3])}, ... have no time in common, so there is no row with all "
-            "of them: check their time stamps (`stamp` in [columns])."
+            f"{path}: the topics of {', '.join(measured[:3])}, ... have no time in common, so no row can hold all of "
+            "these channels: check their time stamps (`stamp` in [columns])."
         )
-    # The period is limited from below by the number of rows, which are held in memory.
+    # All rows are held in memory, so that the period must not be too short.
     rows = int((end - begin) / period) + 1
     if rows > MOST_ROWS:
         raise DataError(
@@ -233,7 +231,7 @@ def read_bag(path: Path, columns: Mapping[str, Any], bag: Mapping[str, Any], whe
 
 @contextmanager
 def open_bag(path: Path) -> Iterator[Any]:
-    """Open a ROS bag and yield the reader of the package rosbags. Any error of this reader becomes a short DataError.
+    """Open a ROS bag, and yield the reader of the package rosbags. An error of this reader becomes a short DataError.
 
     Raises DataError: the file is not a bag, or it is damaged.
     Raises MissingExtraError: the extra `ros` is not installed.
@@ -304,7 +302,7 @@ class _Messages:
                     if times and at < times[-1]:
                         raise DataError(
                             f"{self.path}: in topic '{source.topic}', the time decreases at message {len(times) + 1}: "
-                            f"leave out `stamp` in the entry of {name}, or correct the bag."
+                            f"leave `stamp` out of the entry of {name}, or correct the bag."
                         )
                     # If several messages have equal times, only the value of the last message is kept.
                     if times and at == times[-1]:
@@ -315,7 +313,8 @@ class _Messages:
         arrays = {}
         for name, source in self.sources.items():
             times, values = self.found[name]
-            # The topic has messages, but none with the label: the labels that occur help to correct the entry.
+            # The topic has messages, but no message has the label. The error lists the labels that occur, so that the
+            # user can correct the entry.
             if not times and self.seen[name]:
                 label = source.field.partition("=")[2].partition("]")[0]
                 raise DataError(
@@ -327,7 +326,8 @@ class _Messages:
                     f"{self.path}: topic '{source.topic}' has {len(times)} messages for {name}, but at least two are "
                     "needed to interpolate: record more, or leave out this channel."
                 )
-            # Angles from quaternions lie in one turn and are unwrapped, so that interpolation does not cross the jump.
+            # Angles from quaternions jump by a full turn at 180 deg. The jumps are removed, because an interpolation
+            # across a jump would give wrong angles.
             array, turns = np.array(values), source.field.rpartition(".")[2] in ANGLES
             arrays[name] = (np.array(times, dtype=np.int64), np.unwrap(array) if turns else array)
         return arrays

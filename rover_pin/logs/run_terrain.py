@@ -29,14 +29,17 @@ SLOPE_SD, HEIGHT_SD, BEND_SD = math.radians(0.5), 0.03, 0.15
 """Assumed SDs of three quantities of the terrain estimate: mean pitch and roll over half a second [rad], mean height
 over half a second [m], and change of the terrain's slope over one wheelbase [rad]."""
 BLOCK = 0.5
-"""Duration of the intervals over which pitch, roll and height are averaged before the terrain is estimated [s]."""
+"""Duration of the intervals over which pitch, roll and height are averaged before the terrain is estimated [s]. Longer
+intervals would smooth the terrain more; shorter intervals would leave more noise and more equations."""
 ROUND_OFF = 1e-5
 """Maximum time before the end of an averaging interval [s] at which a row still belongs to the next interval, because
 its time may be rounded down. Clocks that count from 1970 are rounded to 2e-7 s (assumed)."""
 CELLS = 7.0
-"""Number of grid cells per wheelbase in the estimated terrain."""
+"""Number of grid cells per wheelbase in the estimated terrain. Features shorter than the rover are smoothed away, so
+more cells would only take more time."""
 MAX_CELLS = 100
-"""Maximum number of grid cells along each side of the estimated terrain. For a longer run, the cells become larger."""
+"""Maximum number of grid cells along each side of the estimated terrain. For a longer run, the cells become larger, so
+that at most about ten thousand heights are unknown."""
 MAX_SLOPE = math.radians(45.0)
 """Limit of a declared slope [rad]. A slope of this size or more is refused, because the slope is probably stated in
 another unit."""
@@ -71,7 +74,7 @@ def run_terrain(table: Mapping[str, Any], run: Trace, rover: Rover, where: str) 
     for key in table:
         if key not in KEYS:
             raise DataError(f"{where} has an unknown key '{key}': {closest(key, KEYS)}")
-    # A slope and an estimate exclude each other.
+    # A declared slope and an estimated terrain exclude each other.
     if len(table) > 1 or table.get("estimated", True) is not True:
         raise DataError(
             f"{where} must have either slope = {{ value = 12, unit = 'deg' }} or estimated = true, and not both."
@@ -108,14 +111,15 @@ def estimate_surface(run: Trace, rover: Rover) -> Terrain:
         sum (rise from the back wheels to the front / L + tan pitch)^2 / s^2 + the same across, with roll and track
         + sum (mean z under the wheels - z_0 - body_z)^2 / h^2 + sum (changes of slope of z over L)^2 / b^2
 
-    summed over all averaging intervals of BLOCK seconds. L is the wheelbase, z_0 the mean height, and s, h, b are
-    SLOPE_SD, HEIGHT_SD and BEND_SD. The changes of slope are second differences of the heights. The last sum runs over
-    patches of L by L, so each grid cell counts by its fraction of the area of a patch. Features shorter than the rover
-    are smoothed away, and a constant error of the attitude sensor becomes a slope of the terrain.
+    where the first three sums run over all averaging intervals of BLOCK seconds. L is the wheelbase, z_0 the mean
+    height, and s, h, b are SLOPE_SD, HEIGHT_SD and BEND_SD. The changes of slope are second differences of the heights.
+    The last sum runs over patches of L by L, so each grid cell counts by its fraction of the area of a patch. Features
+    shorter than the rover are smoothed away, and a constant error of the attitude sensor becomes a slope of the
+    terrain.
 
     The rises are taken under the wheels on both sides, and not along the path of the body. Otherwise the surface could
-    be smooth along the path and rough under the wheels, and the simulated rover would tilt by up to half a degree more
-    or less than the measured one.
+    be smooth along the path and rough under the wheels, and the pitch and roll of a simulated rover on this surface
+    would differ from the measured angles by up to half a degree.
 
     Parameters
     ----------
@@ -134,7 +138,8 @@ def estimate_surface(run: Trace, rover: Rover) -> Terrain:
         return flat()
     base = max(base_of(rover))
     x, y, yaw = blocks["body_x"], blocks["body_y"], blocks["body_yaw"]
-    # The margin around the path is at least the distance of the outermost wheel, so every wheel stands on the grid.
+    # The margin around the path is at least the distance from the base to the outermost wheel, so every wheel stands on
+    # the grid.
     grid = _Grid.around(x, y, max(base, float(np.max(np.linalg.norm(corners(rover), axis=-1)))))
     bends = grid.bends()
     # Each row of the least-squares problem is divided by its SD.
@@ -176,9 +181,9 @@ def level_on(ground: Terrain, rover: Rover, place: np.ndarray) -> dict[str, np.n
 
 
 def _under(height: Callable[..., Any], rover: Rover, place: np.ndarray) -> tuple[Any, Any, Any]:
-    """Return the terrain's slopes ahead and to the left under the outer wheels, and the mean height under these wheels.
+    """Return the terrain's slope ahead, its slope to the left, and its mean height under the outer wheels of a rover.
 
-    Each result has one entry for each of the T poses.
+    Each of the three results has one entry for each of the T poses.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Limit the number of bytes that a ROS bag may unpack to, because a packed bag of a few kB may unpack to any size.
+"""Limit the number of bytes to which a ROS bag is unpacked, because a packed bag of a few kB may unpack to any size.
 
 The package rosbags unpacks data in three places: through two tables of functions and through one module. While a bag is
-open, these are replaced by functions that count the unpacked bytes.
+open, the functions in these places are replaced by functions that count the unpacked bytes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ Opener = Callable[[Any], Any]
 
 
 def unpack_bytes(opener: Opener, packed: bytes, allowance: bounded.Allowance) -> bytes:
-    """Unpack some bytes completely and return them, unless the limit on unpacked bytes is reached.
+    """Unpack some bytes completely, and return the result.
+
+    Raises OSError: the limit on unpacked bytes is reached.
 
     Parameters
     ----------
@@ -40,15 +42,15 @@ def unpack_bytes(opener: Opener, packed: bytes, allowance: bounded.Allowance) ->
     packed : bytes
         The packed bytes.
     allowance : Allowance
-        Number of bytes that may still be unpacked; more raise an OSError.
+        Counter of the bytes that may still be unpacked.
     """
     with _LimitedFile(opener(io.BytesIO(packed)), allowance) as file:
         return b"".join(iter(lambda: file.read(bounded.MIB), b""))
 
 
 class _LimitedFile:
-    """A packed file opened for reading that subtracts every byte read from the number of bytes that may still be
-    unpacked.
+    """A packed file that is open for reading. Each byte that is read is subtracted from the bytes that may still be
+    unpacked (`allowance`).
     """
 
     def __init__(self, file: Any, allowance: bounded.Allowance):
@@ -107,7 +109,7 @@ def _replace_entries(table: dict[str, Any], entries: dict[str, Any]) -> Iterator
 
 
 def refuse_anchors(bag: Path) -> None:
-    """Raise an error if the metadata.yaml of a bag folder has YAML anchors or aliases, before rosbags expands them.
+    """Check that the metadata.yaml of a bag folder has no YAML anchors or aliases, because rosbags would expand them.
 
     Raises DataError: the file has anchors or aliases, is too long, or is not text.
     """

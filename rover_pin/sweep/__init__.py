@@ -1,5 +1,7 @@
-"""Batch studies: a scenario is driven with many parameter values, on all cores or on a cluster. A study that was
-stopped can be continued.
+"""Batch studies: a scenario is driven with many parameter values, on all cores or on a cluster.
+
+A study that was stopped can be continued. Start at `sweep`, which runs a study, and at `read_study`, which reads a
+study from a TOML file.
 """
 
 from rover_pin.sweep.case import drive_case

@@ -14,31 +14,30 @@ Row = dict[str, Any]
 """One row of the table of results: name of a column -> value."""
 MAX_CASES_CHECKED = 20
 """Largest number of cases that are built before a sweep starts, to find names that do not exist. If the values of all
-these cases are refused for another reason, the names are not checked, and each case reports its own error."""
+these cases are refused for another reason, the names are not checked, and each case reports its own error. More cases
+would delay the start of the sweep."""
 LEADING = ("case", "repeat", "seed", "key")
 """First columns of the table of results. The columns of the parameters follow, then the outcomes in alphabetical order,
 then `error`."""
 
 
 def drive_case(study: Study, case: Case) -> Mapping[str, Any]:
-    """Drive the scenario of the study with the values of the case, and return the summary of the drive. A sweep usually
-    runs its cases with this function.
+    """Drive the scenario of the study with the values of the case, and return the summary of the drive.
 
-    The outcome `stop` states why the drive ended. Several sentences, such as warnings, are joined into one cell.
+    A sweep without another case function runs its cases with this function. The outcome `stop` states why the drive
+    ended. If an outcome has several sentences, such as warnings, they are joined into one cell.
     """
     summary = scenario_of(study, case).drive().summary()
     return {name: "; ".join(value) if isinstance(value, list | tuple) else value for name, value in summary.items()}
 
 
 def scenario_of(study: Study, case: Case) -> Any:
-    """Return the scenario of a study with the values of a case. If the terrain is random, it is made from the seed of
-    the case.
-    """
+    """Return the scenario of a study with the values of a case. A random terrain is made from the seed of the case."""
     from rover_pin.scenarios.scenario import scenario
     from rover_pin.scenarios.scenes import SCENES
 
-    # Duration and step of the study replace those of the scenario; the values of the case come last and replace
-    # settings.
+    # The study's duration and time step replace the scenario's. The values of the case come last, because they replace
+    # all other settings.
     times = {name: getattr(study, name) for name in ("duration", "dt") if getattr(study, name) is not None}
     settings = {**times, "trust": study.trust, **study.settings, **case.values}
     if study.scenario in SCENES and "seed" in inspect.signature(SCENES[study.scenario].terrain).parameters:
@@ -47,11 +46,12 @@ def scenario_of(study: Study, case: Case) -> Any:
 
 
 def check_names(study: Study, cases: Sequence[Case]) -> None:
-    """Raise an error if the scenario or a setting does not exist. Every case of the sweep would fail with this error.
+    """Check that the scenario and all settings of a sweep exist. An unknown name would make every case fail.
 
-    A value that is not allowed raises no error here: it may concern one case only, and the row of this case reports it.
+    A value that is not allowed is not reported here, because it may concern one case only; the row of this case reports
+    it.
 
-    Raises UnknownNameError with the name of the study and the unknown name.
+    Raises UnknownNameError: a name is unknown; the message has the name of the study.
     """
     for case in cases[:MAX_CASES_CHECKED]:
         try:
@@ -90,7 +90,8 @@ def run_case(study: Study, case_function: CaseFunction, case: Case) -> Row:
                     f"the outcome '{name}' has the type {type(value).__name__}; give a number, a text or true/false."
                 )
         cells = {name: _cell(outcomes[name]) for name in sorted(outcomes)}
-    # A missing package or folder stops the sweep, because every case would fail; any other error is the case's own.
+    # A missing package or folder stops the sweep, because every case would fail. Any other error concerns this case
+    # only, and becomes its row.
     except (MissingExtraError, CacheError):
         raise
     except Exception as error:

@@ -1,6 +1,4 @@
-"""The values that each parameter of a study takes (an axis), and the combinations of these values that are run (a
-plan).
-"""
+"""Axes and plans of a batch study. An axis holds the values of one parameter; a plan chooses combinations of values."""
 
 import itertools
 import math
@@ -24,7 +22,7 @@ class Axis(ABC):
 
     @abstractmethod
     def at(self, share: float) -> Any:
-        """Return the value at the position `share` along the axis, where 0 is the first value and 1 the last."""
+        """Return the value at the position `share` along the axis: 0 is the first value, and 1 is the last value."""
 
     @abstractmethod
     def levels(self, points: int) -> list[Any]:
@@ -182,7 +180,8 @@ class Grid(Plan):
 
         Raises ParameterError if there are more than MAX_CASES combinations.
         """
-        # The levels of a group move together: its first point takes the first value of each of its parameters.
+        # The parameters of a group change together: the first level of a group has the first value of each of its
+        # parameters.
         levels: list[list[Point]] = []
         for group in groups:
             columns = [axis.levels(self.points) for axis in group.values()]
@@ -247,8 +246,9 @@ class Sobol(Plan):
 
 
 def _points(groups: Sequence[Group], shares: np.ndarray) -> list[Point]:
-    """Return points of the unit cube (points, groups) as combinations of parameter values: each coordinate, from 0 to
-    1, is the position along the axes of one group.
+    """Return the combinations of parameter values for points of the unit cube (points, groups).
+
+    Each coordinate of a point, from 0 to 1, is a position along the axes of one group.
     """
     return [
         {name: axis.at(share) for group, share in zip(groups, row, strict=True) for name, axis in group.items()}
@@ -257,5 +257,9 @@ def _points(groups: Sequence[Group], shares: np.ndarray) -> list[Point]:
 
 
 def _check_count(name: str, value: Any, minimum: int) -> None:
+    """Check that the argument `name` of a plan is a whole number from `minimum` to MAX_CASES.
+
+    Raises ParameterError: the value is another one.
+    """
     if isinstance(value, bool) or not isinstance(value, int) or not minimum <= value <= MAX_CASES:
         raise ParameterError(f"{name} = {value!r} is not allowed: give a whole number from {minimum} to {MAX_CASES}.")

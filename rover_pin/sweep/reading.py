@@ -1,4 +1,4 @@
-"""Reading of a study from a TOML file."""
+"""Read a batch study from a TOML file."""
 
 import dataclasses
 import math
@@ -16,13 +16,17 @@ from rover_pin.sweep.plan import Axis, Grid, LatinHypercube, LogRange, Range, So
 from rover_pin.sweep.study import Study
 
 PLANS: dict[str, type[Any]] = {"grid": Grid, "latin-hypercube": LatinHypercube, "sobol": Sobol}
+"""Word for `kind` in the table of the plan -> class of the plan."""
 SCALES: dict[str, type[Range]] = {"linear": Range, "log": LogRange}
+"""Word for `scale` in the table of a range -> class of the range."""
 RANGE_KEYS = ("low", "high", "unit", "scale")
 VALUES_KEYS = ("values", "unit")
 SETTING_KEYS = ("value", "unit")
+"""Keys that the table of a range (RANGE_KEYS), of a list of values (VALUES_KEYS) or of a setting (SETTING_KEYS) may
+have. Any other key is refused."""
 ENTRY_MARKS = {"low", "high", "values", "value"}
-"""Keys that show that a table of the TOML describes the values of one parameter. A table without these keys contains
-further parameters."""
+"""Keys that occur only in a table that describes the values of one parameter. A table without these keys is a group of
+further parameters, as [parameters.soil]."""
 
 
 def read_study(path: str | Path, trust: Trust = Trust()) -> Study:
@@ -60,13 +64,14 @@ def read_study(path: str | Path, trust: Trust = Trust()) -> Study:
 
 
 def _study(table: dict[str, Any], trust: Trust) -> Study:
-    # Names first: the user learns of a mistyped key, not of a value that seems to be missing because of it.
+    """Return the study that the content of a TOML file (`table`) describes. For the errors, see `read_study`."""
+    # Misspelt keys are reported first. Otherwise the error would call a value missing although only its key is
+    # misspelt.
     fields = (field for field in dataclasses.fields(Study) if field.name != "trust")
-    # Misspelt and missing keys are reported before any value is read.
     _check_keys(table, [field.name for field in fields], "the study")
     for name in ("name", "scenario", "plan", "parameters"):
         if name not in table:
-            raise ParameterError(f"the study has no '{name}': add it.")
+            raise ParameterError(f"the study has no '{name}': add it to the file.")
     axes = {name: _axis(name, entry) for name, entry in _flat(table["parameters"], "parameters")}
     settings = {}
     # A setting is a plain value or a table with a unit.
@@ -111,11 +116,12 @@ def _flat(table: Any, where: str, prefix: str = "") -> list[tuple[str, Any]]:
 
 
 def _axis(name: str, entry: Any) -> Axis:
-    """Return the axis (the values of a parameter) that an entry of the TOML describes: a list, a table with values, or
-    a table with a range.
+    """Return the values of one parameter from its entry in the TOML file.
+
+    The entry is a list of values, a table with the list `values`, or a table with the ends `low` and `high` of a range.
     """
     try:
-        # The entry is a list of values, a table with a list and a unit, or a range.
+        # A list states no unit, so its numbers are in SI units.
         if isinstance(entry, list):
             return Values(entry)
         if not isinstance(entry, Mapping):
@@ -139,7 +145,7 @@ def _si(value: Any, entry: Mapping[str, Any]) -> Any:
     if "unit" not in entry:
         return value
     unit = entry["unit"]
-    # The unit itself decides the quantity: the first SI unit to which it converts is taken.
+    # The kind of quantity is not known here. The unit decides it: the first SI unit to which it converts is taken.
     factor = next(
         (candidate for candidate in (factor_to(str(unit), si) for si in USUAL) if not math.isnan(candidate)), None
     )
@@ -151,8 +157,9 @@ def _si(value: Any, entry: Mapping[str, Any]) -> Any:
 
 
 def _choice_of(word: Any, choices: Mapping[str, Any], noun: str) -> Any:
-    """Return the value of `choices` with this name. If there is none, an error lists similar names; `noun` is the kind
-    of thing that the name should name, for the error.
+    """Return the entry of `choices` whose name is `word`.
+
+    Raises ParameterError: there is no such entry. The message lists similar names, and calls the entry a `noun`.
     """
     if not isinstance(word, str) or word not in choices:
         raise ParameterError(f"there is no {noun} '{word}': {closest(word, choices)}")
@@ -160,6 +167,10 @@ def _choice_of(word: Any, choices: Mapping[str, Any], noun: str) -> Any:
 
 
 def _check_keys(entry: Mapping[str, Any], allowed: Iterable[str], where: str) -> None:
+    """Check that all keys of a table are allowed.
+
+    Raises ParameterError: a key is not allowed. `where` is the beginning of the message.
+    """
     for name in entry:
         if name not in allowed:
             raise ParameterError(f"{where} has no key '{name}': {closest(name, allowed)}")

@@ -1,6 +1,4 @@
-"""Running of a batch study: the unfinished cases are run on all cores or on a cluster, and their rows are saved in a
-folder.
-"""
+"""Run a batch study: unfinished cases run on all cores or on a cluster, and their rows are saved in a folder."""
 
 import hashlib
 import logging
@@ -33,8 +31,9 @@ PICTURE = "summary.png"
 """Name of the file with the picture of the results."""
 RETRY_SECONDS = 60
 """Longest time [s] to wait for a case that Dask runs a second time because its worker was lost. After this time the
-scheduler counts as lost, and the sweep ends."""
+scheduler counts as lost, and the sweep ends. A single drive usually takes less than a minute."""
 KEPT = "The finished cases are kept: run the same sweep again to continue"
+"""Sentence at the end of errors that stop a sweep."""
 
 
 @dataclass(frozen=True)
@@ -156,10 +155,11 @@ def sweep(
 
 
 def _save_rows(store: Store, rows: Generator[Row, None, None], done: int, total: int) -> None:
-    """Save the row of each case as soon as the case is finished, and show the progress. `done` of `total` cases were
-    finished before.
+    """Save the row of each case as soon as the case is finished, and show the progress.
+
+    `total` is the number of all cases, and `done` is the number of cases that an earlier run has finished.
     """
-    # Each row is on the disk before the next one is waited for, so that a stop loses no finished case.
+    # A row is on the disk before the loop waits for the next row, so that a stop loses no finished case.
     try:
         with closing(rows), progress(str(store.study["name"]), total, done) as advance:
             for row in rows:
@@ -172,20 +172,21 @@ def _save_rows(store: Store, rows: Generator[Row, None, None], done: int, total:
 
 
 def fingerprint(study: Study, case_function: CaseFunction) -> dict[str, Any]:
-    """Return a description of a sweep. If the description in a results folder equals it, the sweep may continue with
-    the results in this folder.
+    """Return a description of everything on which the results of a sweep depend.
 
-    The description contains the version of the package, the name of the case function, the study, and a digest of each
-    file that the study names (a model or a terrain). If such a file changes, the study counts as another study.
+    A results folder stores this description. A sweep may continue with the results in a folder only if the descriptions
+    are equal. The description contains the version of the package, the name of the case function, the study, and a
+    digest of each file that the study names (a model or a terrain).
     """
     try:
-        # Results of another version of the package may differ, so that they must not be continued.
+        # Another version of the package may give other results, so the version is part of the description.
         package = version("rover-pin")
     except PackageNotFoundError:
         package = "not installed"
     module, name = (getattr(case_function, part, "?") for part in ("__module__", "__qualname__"))
     description = {"rover_pin": package, "case_function": f"{module}.{name}", **study.describe()}
-    # Files that the study names belong to its description, because another content gives other results.
+    # A file that the study names can change while its name stays, so the digest of its content is part of the
+    # description.
     lists = [axis.values for axis in study.parameters.values() if isinstance(axis, Values)]
     words = {word for values in (study.settings.values(), *lists) for word in values if isinstance(word, str)}
     files = {word: hashlib.sha256(content(word)).hexdigest()[:16] for word in sorted(words) if is_file(Path(word))}
@@ -207,7 +208,7 @@ def on_cores(work: Callable[[Case], Row], cases: Sequence[Case], workers: int | 
             f"workers = {workers!r} is not allowed: give a whole number of at least 1, or leave workers "
             "out to use all cores."
         )
-    # One worker runs in this process, which shows an error with its place in the code.
+    # With one worker, the cases run in this process, so that an error shows its place in the code.
     if workers == 1:
         yield from map(work, cases)
         return
@@ -267,7 +268,10 @@ def on_cluster(work: Callable[[Case], Row], cases: Sequence[Case], address: str)
 
 
 def _check_sendable(work: Callable[[Case], Row]) -> None:
-    """Raise an error if a case function cannot be pickled, because it can then not be sent to another process."""
+    """Check that a case function can be pickled, because only then it can be sent to another process.
+
+    Raises ParameterError: the case function cannot be pickled.
+    """
     from joblib.externals.loky.backend.reduction import dumps
 
     try:
@@ -284,6 +288,7 @@ Advance = Callable[[bool], None]
 """Type of a function that is called after each case to show the progress; its argument states whether the case
 failed."""
 LOG = logging.getLogger("rover_pin")
+"""The log of the package. Its level decides whether progress is shown."""
 
 
 @contextmanager
@@ -301,6 +306,7 @@ def progress(name: str, total: int, done: int) -> Iterator[Advance]:
 
 @contextmanager
 def _bar(name: str, total: int, done: int) -> Iterator[Advance]:
+    """Show a progress bar on the terminal. For the arguments, see `progress`."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
     counts = (MofNCompleteColumn(), plain_column("{task.fields[failures]} failed"))
@@ -319,6 +325,7 @@ def _bar(name: str, total: int, done: int) -> Iterator[Advance]:
 
 @contextmanager
 def _lines(name: str, total: int, done: int) -> Iterator[Advance]:
+    """Print a line on stderr at the beginning, from time to time, and at the end. For the arguments, see `progress`."""
     start = last = time.monotonic()
     finished = failed = 0
 
@@ -329,7 +336,7 @@ def _lines(name: str, total: int, done: int) -> Iterator[Advance]:
         warn(f"{name}: {done + finished} of {total} cases, {failed} failed{remaining}")
 
     def advance(has_failed: bool) -> None:
-        # Lines are printed at intervals, because the output may be a file.
+        # Lines are printed only at intervals, because a file with one line for each case would be too long to read.
         nonlocal finished, failed, last
         finished += 1
         failed += has_failed

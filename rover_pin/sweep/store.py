@@ -1,5 +1,5 @@
-"""Results folder of a sweep. The row of each finished case is saved at once, so that a study that was stopped can be
-continued.
+"""The results folder of a sweep. The row of each finished case is saved at once, so that a study that was stopped can
+be continued.
 
 `rows.jsonl` holds the rows while the study runs and afterwards. When the study ends, `results.csv` is written from it,
 and `results.parquet` if pyarrow is installed.
@@ -21,8 +21,11 @@ from rover_pin.base.files.whole_file import write_whole
 from rover_pin.sweep.case import LEADING, Row
 
 STUDY_FILE, ROWS, RESULTS, CSV = "study.json", "rows.jsonl", "results.parquet", "results.csv"
+"""Names of the files in a results folder: the description of the study, the rows of the finished cases, and the table
+of results as Parquet and as CSV."""
 MAX_PRINTED_LETTERS = 60
-"""Largest number of characters of a setting's value in an error message; a longer value is shortened."""
+"""Largest number of characters of a setting's value in an error message. A longer value, such as a list of many
+numbers, is shortened, so that the message stays readable."""
 
 
 class Store:
@@ -46,14 +49,14 @@ class Store:
         self.study = study
         self.rows = Journal(folder / ROWS)
         try:
-            # The folder holds the description of its study. If it already has one, it must be equal. The error names
-            # each entry that differs, in the order in which the studies list them.
+            # If the folder already holds the description of a study, it must equal the description of this study. The
+            # error names each entry that differs, in the order in which the studies list them.
             folder.mkdir(parents=True, exist_ok=True)
             if (folder / STUDY_FILE).exists():
                 old = known_study(folder)
                 before, now = _flat(old), _flat(study)
                 changed = [name for name in dict.fromkeys((*before, *now)) if before.get(name) != now.get(name)]
-                # The order of the parameters matters as well: it decides which case is number 0.
+                # Another order of the parameters is a difference too, because the order decides the number of a case.
                 orders = [list(description["parameters"]) for description in (old, study)]
                 if orders[0] != orders[1] and set(orders[0]) == set(orders[1]):
                     before["parameters"], now["parameters"] = orders
@@ -84,8 +87,8 @@ class Store:
     def finish(self) -> Any:
         """Write all rows, sorted by case, to the files of results, and return them as a pandas DataFrame.
 
-        Cases on several cores end in random order. The rows are therefore written again in the order of the cases, so
-        that two runs of a study leave equal files.
+        Cases on several cores end in random order. Therefore the rows are written again in the order of the cases, and
+        two runs of a study leave equal files.
         """
         rows = _rows(self.folder)
         lines = "".join(f"{json.dumps(row)}\n" for row in rows)
@@ -141,6 +144,7 @@ def _flat(study: dict[str, Any]) -> dict[str, Any]:
 
 
 def _shown(entries: dict[str, Any], name: str) -> str:
+    """Return the value of an entry as short text for an error message; "none" if there is no such entry."""
     return shorten(json.dumps(entries[name]), MAX_PRINTED_LETTERS, placeholder=" ...") if name in entries else "none"
 
 
@@ -152,14 +156,17 @@ def _rows(folder: Path) -> list[Row]:
     rows: dict[str, Row] = {}
     for number, row in enumerate(Journal(file).entries(), start=1):
         if not isinstance(row, dict) or not {*LEADING} <= {*row}:
-            raise DataError(f"{file}, line {number}: this line is no row of a sweep; remove the file and sweep again.")
+            raise DataError(
+                f"{file}, line {number}: this line is not a row of a sweep; remove the file and run the sweep again."
+            )
         rows[row["key"]] = row
     return sorted(rows.values(), key=lambda row: row["case"])
 
 
 def _table(rows: list[Row], study: dict[str, Any]) -> Any:
-    """Return rows as a pandas DataFrame. Its columns are those in LEADING, the parameters, the outcomes in alphabetical
-    order, and `error`.
+    """Return the rows of cases as a pandas DataFrame.
+
+    The columns are the columns of LEADING, the parameters, the outcomes in alphabetical order, and `error`.
     """
     import pandas as pd
 

@@ -131,7 +131,7 @@ class Study:
                 raise ParameterError(f"{name} = {value!r} is not allowed: give a whole number of at least {minimum}.")
         # At least one parameter varies, and a name occurs only once among settings, parameters and pairs.
         if not self.parameters:
-            raise ParameterError("the study varies nothing: give at least one parameter.")
+            raise ParameterError("the study varies no parameter: give at least one in `parameters`.")
         # A name is either varied or fixed.
         for name in self.settings:
             if name in self.parameters:
@@ -167,16 +167,17 @@ class Study:
         object.__setattr__(self, "settings", {name: value for name, value in settings.items() if name not in own})
 
     def groups(self) -> list[Group]:
-        """Return the dimensions of the plan, in the order of `parameters`. Each is a group of parameters that change
-        together: paired parameters, or a single parameter.
+        """Return the dimensions of the plan, in the order of `parameters`.
+
+        Each dimension is a group of parameters that change together: paired parameters, or a single parameter.
         """
-        # A group takes the place of its first parameter.
+        # A group stands in the order where its first parameter stands.
         partners = {name: names for names in self.paired for name in names}
         ordered = dict.fromkeys(partners.get(name, (name,)) for name in self.parameters)
         return [{name: self.parameters[name] for name in names} for names in ordered]
 
     def cases(self) -> list[Case]:
-        """Return all cases in the order of the plan; the repeats of a point follow each other.
+        """Return all cases in the order of the plan. The repeats of one combination of values follow each other.
 
         Raises ParameterError if there are more than MAX_CASES cases.
         """
