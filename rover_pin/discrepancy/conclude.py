@@ -18,6 +18,7 @@ from rover_pin.discrepancy.candidate import is_effect
 from rover_pin.discrepancy.confirm import confirmed, declared_fit
 from rover_pin.discrepancy.decision import beyond_noise, likeliest, sentence
 from rover_pin.discrepancy.draft import Draft, draft_of, score_draft
+from rover_pin.discrepancy.equivalents import equivalents
 from rover_pin.discrepancy.held_out_errors import HeldOut, fold_errors, held_out, lost_folds, taken_share
 from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.search import Search, calibrate
@@ -65,7 +66,8 @@ def conclude(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     # `Search` has done its work already; `Explorer` fits its sets here, and can also fit a drafted effect.
     search = fits_of(question, progress)
     if isinstance(search, Search):
-        return with_next(question, verdict_of(question, search.beliefs(), progress, seed), progress)
+        found = with_equivalents(verdict_of(question, search.beliefs(), progress, seed), search)
+        return with_next(question, found, progress)
     verdict = with_next(question, verdict_of(question, search.explore(), progress, seed), progress)
 
     def drafted_effect(fitted: Fit) -> Draft | None:
@@ -95,6 +97,25 @@ def fits_of(question: Question, progress: Progress) -> Explorer | Search:
     progress("calibrating the base model")
     by_slopes = explorer_of if isinstance(question.experiment, Differentiable) else search_of
     return by_slopes(question, progress)
+
+
+def with_equivalents(verdict: Verdict, search: Search) -> Verdict:
+    """Return the verdict with the effects that undeclared numbers can imitate.
+
+    If the data contain no information on the size of such an effect, they do not show whether it is missing. The answer
+    is then CANNOT_TELL instead of NONE_NEEDED, because the probability that nothing is missing is only the prior one.
+    """
+    assert verdict.after is not None
+    found = equivalents(verdict.after.fit, [*search.options.values()], verdict.named)
+    verdict, unknown = replace(verdict, equivalents=found), [row for row in found if not row.has_information]
+    if verdict.answer is not Answer.NONE_NEEDED or not unknown:
+        return verdict
+    names = tuple(row.name for row in unknown)
+    sentence = (
+        f"the residual of the base model is noise, but the data contain no information on {' and '.join(names)}: "
+        "undeclared inputs imitate it."
+    )
+    return replace(verdict, answer=Answer.CANNOT_TELL, sentence=sentence, indistinguishable=("nothing", *names))
 
 
 def with_next(question: Question, verdict: Verdict, progress: Progress) -> Verdict:

@@ -10,6 +10,7 @@ from rover_pin.base.public import brief
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.decision import usual_noise
 from rover_pin.discrepancy.draft import Draft
+from rover_pin.discrepancy.equivalents import Equivalent
 from rover_pin.discrepancy.held_out_errors import ChannelScore, RunScore
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.fit import Fit
@@ -135,6 +136,8 @@ class Verdict:
     others: dict[str, Alternative] = field(default_factory=dict, repr=False)
     """other sets of causes that the data do not distinguish from the kept causes: names of the causes as one text ->
     the set"""
+    equivalents: tuple[Equivalent, ...] = ()
+    """effects that undeclared numbers of the model can imitate, so that they may act unseen"""
     draft: Draft | None = field(default=None, repr=False)
     """effect that the search for missing effects drafted for a residual that no known effect explains, with the result
     of its trial"""
@@ -231,6 +234,7 @@ class Verdict:
             if is_short or number.name.startswith(prefixes) or number in self.drifted
         ]
         lines += [f"  {line}" for line in assumed_lines(self.after.numbers if self.after else ())]
+        lines += [f"  unseen: {equivalent.sentence}" for equivalent in self.equivalents]
         lines += [f"  against the name: {veto}" for veto in self.vetoes]
         lines += [f"  caution: {caution}" for caution in self.cautions]
         lines += [f"  next: {experiment.sentence}" for experiment in self.experiments]
@@ -265,6 +269,7 @@ class Verdict:
                 "vetoes": list(self.vetoes),
                 "overturned": list(self.overturned),
                 "beyond_noise": self.beyond_noise,
+                "equivalents": [equivalent.as_dict() for equivalent in self.equivalents],
                 "cautions": list(self.cautions),
                 "findings": [str(finding) for finding in self.findings],
                 **{name: _numbers(side) for name, side in sides.items()},

@@ -14,7 +14,7 @@ from rover_pin.discrepancy.held_out_errors import ChannelScore
 from rover_pin.discrepancy.rivals import is_better
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.profile import CONFIDENCE, MAJORITY
-from rover_pin.estimation.wording import FLOOR_RATIO, MAX_NAMED, MAX_NOISE_RATIO, Outcome, share
+from rover_pin.estimation.wording import FLOOR_RATIO, MAX_LISTED, MAX_NAMED, MAX_NOISE_RATIO, Outcome, share
 from rover_pin.report.cause_sets import (
     CauseSet,
     best_held_out,
@@ -312,6 +312,7 @@ def opposing_reasons(verdict: Verdict, labels: Labels) -> list[str]:
         score, still = noisy[0], "still " if verdict.named else ""
         times = two_digits(score.times(score.after))
         doubts.append(f"the held-out error of {labels.channel(score.name)} is {still}{times} times its noise")
+    doubts += [equivalent.sentence for equivalent in verdict.equivalents[:MAX_LISTED]]
     doubts += [caution for caution in verdict.cautions if caution.partition(":")[0] not in verdict.vetoes]
     for finding in verdict.findings:
         doubts.append(f"finding of the data check: {finding}")

@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from rover_pin.base.encode import figure_text
+from rover_pin.discrepancy.equivalents import MAX_SD_RATIO
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name
 from rover_pin.estimation.parameter import Parameter
@@ -29,10 +30,6 @@ probable ones; all others have small probabilities, and would make the page long
 ESTIMATED = "estimated, not fitted"
 """Remark on a combination of causes without a fit: its probability and the sizes of its causes come from a linear
 estimate."""
-MAX_SD_RATIO = 0.9
-"""Largest ratio of the SD of a cause's size after the fit to its SD before the fit (its prior SD). Above this ratio, no
-detectable size is stated, because it would follow from the prior and not from the data: at the ratio 0.9, the prior
-still contributes 81 % of the information on the size (the variance decreases from 1 to 0.81)."""
 NO_INFORMATION = "the data contain no information on its size"
 NO_FIT = "no fit with it converged, however small it was"
 
