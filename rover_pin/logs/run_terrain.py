@@ -9,7 +9,8 @@ The table `[terrain]` of drive.toml applies to every run, and `terrain = { ... }
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ import scipy
 from rover_pin.base.errors import DataError, ParameterError, closest
 from rover_pin.base.quantity import to_si, value_and_unit
 from rover_pin.rover.rover import Rover
-from rover_pin.rover.wheel_base import base_of, corners
+from rover_pin.rover.wheel_base import base_of, corners, wheel_places
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.shapes import flat
 from rover_pin.terrain.terrain import HeightGrid, Terrain
@@ -40,6 +41,17 @@ more cells would only take more time."""
 MAX_CELLS = 100
 """Maximum number of grid cells along each side of the estimated terrain. For a longer run, the cells become larger, so
 that at most about ten thousand heights are unknown."""
+PLANE_SD = math.tan(math.radians(15.0))
+"""Assumed prior SD of the mean slope of the ground over the extent of a drive. Without it, the bends alone would leave
+every plane free, and the probability of a terrain would not be defined."""
+MAX_MODES = 48
+"""Maximum number of shapes that describe the error of an estimated terrain. Each shape costs one replay of each run.
+
+The shapes with the largest prior variance of the slopes under the wheels are kept. Along a path of the length T, n
+shapes resolve wavelengths down to about 4 T / n, because half of the shapes differ between left and right."""
+MODE_POSES = 120
+"""Maximum number of poses of the rover, evenly distributed over all runs, at which the slopes under the wheels are
+computed to choose the shapes. The value limits the size of the matrices; poses lie closer than a wheelbase."""
 MAX_SLOPE = math.radians(45.0)
 """Limit of a declared slope [rad]. A slope of this size or more is refused, because the slope is probably stated in
 another unit."""
@@ -102,9 +114,94 @@ def run_terrain(table: Mapping[str, Any], run: Trace, rover: Rover, where: str) 
     return HeightGrid(middle[0] - half, middle[1] - half, 2.0 * half, 2.0 * half, rise)
 
 
+@dataclass(frozen=True, eq=False)
+class GroundEstimate:
+    """The terrain under one or several runs that was estimated from the runs' pitch, roll and height, with its prior.
+
+    The true terrain is this estimate plus sum_j e_j shapes_j, where the e_j are independent before the measurements of
+    the runs, with mean 0 and SD 1. A fit that compares pitch, roll and height finds the e_j together with the pitch and
+    the sinkage of the rover itself.
+    """
+
+    terrain: HeightGrid
+    shapes: np.ndarray = field(repr=False)
+    """changes of the heights of the terrain's grid [m] (shapes, nx, ny)"""
+    log_evidence: float
+    """log of the probability density of the measured pitch, roll and height under the prior of the terrain, for the
+    comparison of one terrain for all runs with one terrain for each run"""
+
+    def moved(self, shape: int, size: float) -> HeightGrid:
+        """Return the terrain after adding the shape with the index `shape`, multiplied by `size`."""
+        grid = self.terrain
+        return HeightGrid(grid.x0, grid.y0, grid.dx, grid.dy, grid.z + size * self.shapes[shape])
+
+    def slopes_along(self, x: np.ndarray, y: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+        """Return the slope of each shape along the heading `yaw` [rad] at the positions x, y [m] (T, shapes); NaN where
+        a position or heading is NaN.
+        """
+        grid = self.terrain
+        columns = []
+        for shape in self.shapes:
+            slope_x, slope_y = HeightGrid(grid.x0, grid.y0, grid.dx, grid.dy, shape).gradient(
+                *(np.where(np.isfinite(x + y), place, 0.0) for place in (x, y))
+            )
+            columns.append(slope_x * np.cos(yaw) + slope_y * np.sin(yaw) + 0.0 * (x + y))
+        return np.array(columns).T
+
+
 def estimate_surface(run: Trace, rover: Rover) -> Terrain:
     """Return the smoothest terrain under a run that agrees with its pitch, roll and height; flat if neither pitch nor
-    height was measured.
+    height was measured. `estimate_ground` describes the estimate.
+    """
+    estimate = estimate_ground([run], rover)
+    return flat() if estimate is None else estimate.terrain
+
+
+def shared_grounds(runs: Sequence[Trace], rover: Rover) -> list[tuple[list[int], GroundEstimate]]:
+    """Return the estimated terrains under several runs, each with the indices of the runs that drive over it.
+
+    Runs that pass the same place have one terrain, if the measurements of all of them are more probable with one
+    terrain than with a terrain for each run. They are less probable if the ground was prepared anew between the runs,
+    or if the positions of the runs have different origins. Runs without pitch and height have no terrain and are
+    omitted.
+    """
+    alone = [estimate_ground([run], rover) for run in runs]
+    groups: list[tuple[list[int], GroundEstimate]] = []
+    for index, estimate in enumerate(alone):
+        if estimate is None:
+            continue
+        # The run joins the group with which its measurements gain most, if they gain at all.
+        joined, gain = None, 0.0
+        for place, (members, ground) in enumerate(groups):
+            if not any(_pass_same_place(runs[member], runs[index], rover) for member in members):
+                continue
+            together = estimate_ground([runs[member] for member in (*members, index)], rover)
+            assert together is not None
+            more = together.log_evidence - ground.log_evidence - estimate.log_evidence
+            if more > gain:
+                joined, gain = (place, together), more
+        if joined is None:
+            groups.append(([index], estimate))
+        else:
+            place, together = joined
+            groups[place] = ([*groups[place][0], index], together)
+    return groups
+
+
+def _pass_same_place(first: Trace, second: Trace, rover: Rover) -> bool:
+    """Return whether the paths of two runs come closer to each other than the track of the rover."""
+    paths = []
+    for run in (first, second):
+        blocks = _blocks(run)
+        assert blocks is not None
+        paths.append(np.array([blocks["body_x"], blocks["body_y"]]))
+    distances = np.hypot(*(paths[0][:, :, None] - paths[1][:, None, :]))
+    return bool(distances.min() < base_of(rover).track)
+
+
+def estimate_ground(runs: Sequence[Trace], rover: Rover) -> GroundEstimate | None:
+    """Return the smoothest terrain under some runs that agrees with their pitch, roll and height; None if neither pitch
+    nor height was measured in one of the runs.
 
     The unknowns z are the heights at the corners of a grid. They minimise
 
@@ -121,42 +218,99 @@ def estimate_surface(run: Trace, rover: Rover) -> Terrain:
     be smooth along the path and rough under the wheels, and the pitch and roll of a simulated rover on this surface
     would differ from the measured angles by up to half a degree.
 
+    The last sum is the prior of the terrain: a smooth random field whose slope changes by b over a wheelbase. The prior
+    also limits the heights themselves (PLANE_SD). The shapes of the result are the principal components of this field
+    for the slopes under the wheels along the paths of the runs (Karhunen-Loeve expansion), the largest first.
+
     Parameters
     ----------
-    run : Trace
-        The measured run with body_x, body_y, body_yaw and, if measured, body_pitch, body_roll, body_z.
+    runs : sequence of Trace
+        The measured runs with body_x, body_y, body_yaw and, if measured, body_pitch, body_roll, body_z.
     rover : Rover
         Positions of the outer wheels.
 
     Returns
     -------
-    Terrain
-        A grid of heights with mean 0.
+    GroundEstimate
+        Its terrain is a grid of heights with mean 0.
     """
-    blocks = _blocks(run)
-    if blocks is None:
-        return flat()
+    of_runs = [_blocks(run) for run in runs]
+    blocks_of_runs = [blocks for blocks in of_runs if blocks is not None]
+    if len(blocks_of_runs) < len(runs):
+        return None
     base = max(base_of(rover))
-    x, y, yaw = blocks["body_x"], blocks["body_y"], blocks["body_yaw"]
+    x, y, yaw = (np.concatenate([blocks[f"body_{name}"] for blocks in blocks_of_runs]) for name in ("x", "y", "yaw"))
     # The margin around the path is at least the distance from the base to the outermost wheel, so every wheel stands on
     # the grid.
     grid = _Grid.around(x, y, max(base, float(np.max(np.linalg.norm(corners(rover), axis=-1)))))
-    bends = grid.bends()
+    bends = grid.bends() / BEND_SD
     # Each row of the least-squares problem is divided by its SD.
-    rows, right = [bends / BEND_SD], [np.zeros(bends.shape[0])]
-    under = _under(grid.at, rover, np.array([x, y, yaw]))
-    # Positive pitch is nose down, so that the rise ahead is -tan(pitch); positive roll lowers the right side.
-    for name, sign, rise in (("body_pitch", -1.0, under[0]), ("body_roll", 1.0, under[1])):
-        if name in blocks:
-            use = np.isfinite(blocks[name])
-            rows.append(rise[use] / SLOPE_SD)
-            right.append(sign * np.tan(np.clip(blocks[name][use], -MAX_SLOPE, MAX_SLOPE)) / SLOPE_SD)
-    # Only the variation of the height counts; its mean is arbitrary.
-    if "body_z" in blocks:
-        use = np.isfinite(blocks["body_z"])
-        rows.append(under[2][use] / HEIGHT_SD)
-        right.append((blocks["body_z"][use] - np.mean(blocks["body_z"][use])) / HEIGHT_SD)
-    return grid.surface(scipy.sparse.vstack(rows).tocsr(), np.concatenate(right))
+    rows, right, log_sds = [], [], 0.0
+    for blocks in blocks_of_runs:
+        under = _under(grid.at, rover, np.array([blocks[f"body_{name}"] for name in ("x", "y", "yaw")]))
+        # Positive pitch is nose down, so that the rise ahead is -tan(pitch); positive roll lowers the right side.
+        for name, sign, rise in (("body_pitch", -1.0, under[0]), ("body_roll", 1.0, under[1])):
+            if name in blocks:
+                use = np.isfinite(blocks[name])
+                rows.append(rise[use] / SLOPE_SD)
+                right.append(sign * np.tan(np.clip(blocks[name][use], -MAX_SLOPE, MAX_SLOPE)) / SLOPE_SD)
+                log_sds += float(use.sum()) * math.log(SLOPE_SD)
+        # Only the variation of the height within a run counts; its mean is arbitrary.
+        if "body_z" in blocks:
+            use = np.isfinite(blocks["body_z"])
+            heights = under[2][use]
+            if len(runs) > 1:
+                heights = heights - scipy.sparse.csr_matrix(np.ones((use.sum(), 1))) @ heights.mean(axis=0)
+            rows.append(scipy.sparse.csr_matrix(heights) / HEIGHT_SD)
+            right.append((blocks["body_z"][use] - np.mean(blocks["body_z"][use])) / HEIGHT_SD)
+            log_sds += float(use.sum()) * math.log(HEIGHT_SD)
+    measured, values = scipy.sparse.vstack(rows).tocsr(), np.concatenate(right)
+    terrain = grid.surface(scipy.sparse.vstack([bends, measured]).tocsr(), np.r_[np.zeros(bends.shape[0]), values])
+    # The prior precision: the bends, and the limit of the heights that makes it regular. A plane with the slope s over
+    # the length T has the sum of squared heights N (s T)^2 / 12 over N corners, and the prior density of s / PLANE_SD.
+    count, length = grid.nx * grid.ny, grid.size * max(grid.nx, grid.ny)
+    limit = 12.0 / (count * (PLANE_SD * length) ** 2)
+    prior = (bends.T @ bends + limit * scipy.sparse.identity(count)).tocsc()
+    log_evidence = _log_density(prior, measured, values) - log_sds
+    return GroundEstimate(terrain, _shapes(grid, prior, np.array([x, y, yaw]), rover), log_evidence)
+
+
+def _log_density(prior: scipy.sparse.csc_matrix, rows: scipy.sparse.csr_matrix, right: np.ndarray) -> float:
+    """Return ln N(right; 0, I + rows Q^-1 rows') without its constant, for the prior precision Q of the heights.
+
+    With the posterior precision P = Q + rows' rows, the determinant is |P| / |Q|, and the quadratic form is
+    |right|^2 - (rows' right)' P^-1 (rows' right).
+    """
+    before, after = (scipy.sparse.linalg.splu(matrix.tocsc()) for matrix in (prior, prior + rows.T @ rows))
+    log_ratio = sum(sign * float(np.log(np.abs(lu.U.diagonal())).sum()) for sign, lu in ((1.0, after), (-1.0, before)))
+    projected = rows.T @ right
+    return -0.5 * (log_ratio + float(right @ right - projected @ after.solve(projected)))
+
+
+def _shapes(grid: _Grid, prior: scipy.sparse.csc_matrix, place: np.ndarray, rover: Rover) -> np.ndarray:
+    """Return the principal components of a prior field of heights, for the slopes under the wheels at given poses.
+
+    Each component is a change of the grid's heights with the prior SD of 1 (shapes, nx, ny). `prior` is the precision
+    of the heights, and `place` (3, T) holds x [m], y [m] and yaw [rad] of the body.
+    """
+    x, y, yaw = place[:, :: math.ceil(place.shape[1] / MODE_POSES)]
+    # Slope along the heading under each wheel, over the length of the wheel, at each pose.
+    rows = []
+    for wheel in rover.wheels:
+        a, b, _ = wheel_places(rover)[wheel.name]
+        r = float(wheel.wheel.r)
+        ahead, behind = (
+            grid.at(x + np.cos(yaw) * (a + step) - np.sin(yaw) * b, y + np.sin(yaw) * (a + step) + np.cos(yaw) * b)
+            for step in (r, -r)
+        )
+        rows.append((ahead - behind) / (2.0 * r))
+    slopes = scipy.sparse.vstack(rows).tocsr()
+    spread = scipy.sparse.linalg.splu(prior).solve(slopes.T.toarray())
+    values, vectors = np.linalg.eigh(slopes @ spread)
+    # The eigenvalues ascend. Those of rounding are dropped.
+    kept = np.flatnonzero(values > 1e-9 * values[-1])[::-1][:MAX_MODES]
+    heights = spread @ vectors[:, kept] / np.sqrt(values[kept])
+    return np.asarray(heights.T.reshape(len(kept), grid.nx, grid.ny))
 
 
 def level_on(ground: Terrain, rover: Rover, place: np.ndarray) -> dict[str, np.ndarray]:

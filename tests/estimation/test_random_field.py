@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 
 from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.random_effects.random_field import (
+    SHARED,
     Kind,
     LearntSd,
     RandomField,
@@ -59,6 +60,28 @@ def test_random_effects_are_removed_by_the_inverse_root(field, noise):
     white = dataclasses.replace(noise, random_effects=effects_filter).white(residual)
     root = np.linalg.inv(np.real(sqrtm(dense(columns, field, sds))))
     np.testing.assert_allclose(white, noise.white(residual) @ root, atol=1e-9)
+
+
+@pytest.mark.parametrize("left_out", [None, 1])
+def test_shared_random_effects_are_whitened_with_all_compared_folds(field, noise, left_out):
+    """Two effects change all folds; the rows then have the covariance 1, also where a fold is not compared."""
+    random, good = np.random.default_rng(8), noise.good.copy()
+    moved = field.moved.copy()
+    moved[:2] = np.cumsum(random.normal(size=(2, FOLDS, CHANNELS, SAMPLES)), axis=3)
+    shared = dataclasses.replace(field, fold=np.where(np.arange(len(field.fold)) < 2, SHARED, field.fold), moved=moved)
+    effects_filter = random_effects_filter(shared, noise.white(moved).T, good, learnt_as(0.1, 0.03))
+    if left_out is not None:
+        good[left_out] = False
+    plain = dataclasses.replace(noise, good=good)
+    covariance = dense(plain.white(moved).T, shared, (0.1, 0.03))
+    # The filter F is read off its rows for each unit residual: F C F' = 1.
+    size = np.prod(good.shape)
+    units = plain.white(np.eye(size).reshape(size, *good.shape)).T
+    filtered = (
+        dataclasses.replace(plain, random_effects=effects_filter).white(np.eye(size).reshape(size, *good.shape)).T
+    )
+    F = filtered @ np.linalg.pinv(units)
+    np.testing.assert_allclose(F @ covariance @ F.T, np.eye(int(good.sum())), atol=1e-8)
 
 
 def test_rows_without_one_fold_are_those_of_the_other_folds(field, noise):

@@ -11,7 +11,15 @@ from rover_pin.base.errors import DataError
 from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.model import LEVEL_SD, base_model, nuisances, with_spread
 from rover_pin.logs.drive_log import LogMetadata, read_drive_log, write_drive_log
-from rover_pin.logs.run_terrain import estimate_surface, level_on, run_terrain
+from rover_pin.logs.run_terrain import (
+    BEND_SD,
+    SLOPE_SD,
+    estimate_ground,
+    estimate_surface,
+    level_on,
+    run_terrain,
+    shared_grounds,
+)
 
 CART = load_rover("cart")
 DEG = math.pi / 180.0
@@ -88,6 +96,41 @@ def test_a_frame_before_the_wheels_is_not_where_they_stand():
     assert np.arctan(rise / 0.56) == pytest.approx(-drive["body_pitch"][80:-40], abs=0.5 * DEG)
     level = level_on(ground, behind, np.array([[2.0, 0.0, 0.0]]))["body_pitch"][0]
     assert level == pytest.approx(-math.atan(0.15 * math.sin(4.0)), abs=0.5 * DEG)
+
+
+def wave(height, length=3.0):
+    """Pitch of a cart on a ground that waves along x."""
+    return lambda x, y, heading: -np.arctan(height * np.sin(2 * math.pi * x / length) * np.cos(heading))
+
+
+def test_runs_over_one_ground_share_it_and_runs_over_raked_ground_do_not():
+    """There and back over one wave; a third drive passes the same place after the sand was raked flat."""
+    there = run(0.0, wave(0.15))
+    way_back = {name: there[name][::-1] for name in ("body_x", "body_y", "body_roll")}
+    turned = {"body_yaw": there["body_yaw"] + math.pi, "body_pitch": -there["body_pitch"][::-1]}
+    back = Trace({**there.channels, **way_back, **turned}, {}, {})
+    elsewhere = Trace({**there.channels, "body_y": there["body_y"] + 50.0}, {}, {})
+    groups = shared_grounds([there, run(0.0), back, elsewhere], CART)
+    assert sorted(members for members, _ in groups) == [[0, 2], [1], [3]]
+
+
+def test_a_second_equal_pass_is_more_probable_than_the_first():
+    """The ground is known from the first pass, so that the second one has less that is left open."""
+    once, twice = (estimate_ground([run(0.0, wave(0.1), seconds=20.0)] * count, CART) for count in (1, 2))
+    assert twice.log_evidence > 2.0 * once.log_evidence
+
+
+def test_the_shapes_hold_the_bends_that_the_prior_allows():
+    """Over one wheelbase, the slope of the field changes with the SD of the prior, and shapes are independent."""
+    estimate, length = estimate_ground([run(0.0, wave(0.1))], CART), 0.56
+    grid = estimate.terrain
+    x, middle = np.arange(0.5, 2.5, 0.2), grid.y0 + 0.5 * grid.dy * (grid.z.shape[1] - 1)
+    change = np.zeros((len(x), len(estimate.shapes)))
+    for sense, place in ((1.0, x + length), (-1.0, x)):
+        change += sense * estimate.slopes_along(place, np.full(len(x), middle), np.zeros(len(x)))
+    sd = np.sqrt(np.sum(change**2, axis=1))
+    assert np.all((sd > 0.5 * BEND_SD) & (sd < 2.0 * BEND_SD))
+    assert sd.min() > SLOPE_SD
 
 
 def test_where_nothing_tells_the_ground_is_flat():

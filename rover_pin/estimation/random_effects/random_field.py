@@ -43,8 +43,8 @@ class Kind(NamedTuple):
 class RandomField:
     """Random differences between folds, and how each of them changes the prediction.
 
-    Each column belongs to one random difference and one fold. It holds the change of the prediction if this difference
-    has its expected size (`Kind.size`).
+    Each column belongs to one random difference and one fold, or to several folds (SHARED). It holds the change of the
+    prediction if this difference has its expected size (`Kind.size`).
     """
 
     kinds: tuple[Kind, ...]
@@ -52,7 +52,7 @@ class RandomField:
     kind: np.ndarray
     """index of the kind of each column (columns,)"""
     fold: np.ndarray
-    """index of the fold that each column changes (columns,)"""
+    """index of the fold that each column changes (columns,); SHARED for a column that changes several folds"""
     moved: np.ndarray = dataclasses.field(repr=False)
     """change of the prediction by each column (columns, folds, channels, samples)"""
 
@@ -68,6 +68,11 @@ def join(parts: Sequence[tuple[Sequence[Kind], Mapping[str, np.ndarray]]]) -> Ra
     kind = [kinds.index(of_part[0]) + columns["kind"] for of_part, columns in parts]
     others = (np.concatenate([columns[name] for _, columns in parts]) for name in ("fold", "moved"))
     return RandomField(tuple(kinds), np.concatenate(kind), *others)
+
+
+SHARED = -1
+"""Value of `RandomField.fold` for a random effect that changes several folds at once, such as an error of the terrain
+under all runs that drive over it."""
 
 
 class LearntSd(NamedTuple):
@@ -90,6 +95,10 @@ class RandomEffectsFilter:
     residuals by each difference), the scales d (SD of each difference divided by its expected size) and the singular
     value decomposition B d = U s V^T, the matrix is W = U sqrt(1 - 1 / sqrt(1 + s^2)). Then I - W W^T is the inverse
     root of the residuals' covariance I + B d^2 B^T.
+
+    Differences that several folds share are removed by a second filter of the same form, from the residuals of all
+    folds together after the first filter. A held-out fold is then predicted with the shared differences as they are
+    known from all folds.
     """
 
     field: RandomField = dataclasses.field(repr=False)
@@ -97,6 +106,11 @@ class RandomEffectsFilter:
     learnt: tuple[LearntSd, ...]
     basis: np.ndarray = dataclasses.field(repr=False)
     """the matrix W of the filter (folds, channels, samples, columns)"""
+    shared: np.ndarray | None = dataclasses.field(default=None, repr=False)
+    """residuals of the first filter that each shared difference changes by, if it has its SD (folds, channels, samples,
+    differences); None if the folds share no random difference"""
+    shared_roots: dict[bytes, np.ndarray] = dataclasses.field(default_factory=dict, repr=False)
+    """mask of the compared samples, as bytes -> the matrix W of the second filter (n, directions) for these samples"""
 
     def taken_out(self, rows: np.ndarray, good: np.ndarray) -> np.ndarray:
         """Return the whitened residuals `rows` (..., n) without the expected contribution of the random differences
@@ -112,7 +126,14 @@ class RandomEffectsFilter:
             part - (part @ table[fold_mask]) @ table[fold_mask].T
             for part, table, fold_mask in zip(parts, self.basis, good, strict=True)
         ]
-        return np.concatenate(filtered, axis=-1)
+        rows = np.concatenate(filtered, axis=-1)
+        if self.shared is None:
+            return rows
+        # The filter depends on the compared samples, because each of them changes what is known of a shared difference.
+        key = good.tobytes()
+        if key not in self.shared_roots:
+            self.shared_roots[key] = _root(self.shared[good])
+        return np.asarray(rows - (rows @ self.shared_roots[key]) @ self.shared_roots[key].T)
 
 
 def scales(field: RandomField, learnt: Sequence[LearntSd]) -> np.ndarray:
@@ -141,13 +162,20 @@ def random_effects_filter(
     `columns` (n, columns) are the whitened columns of the field, `good` (folds, channels, samples) marks the n compared
     samples, and `learnt` are the estimated SDs.
     """
-    parts = np.split(columns * scales(field, learnt), np.cumsum(good.sum(axis=(1, 2)))[:-1])
+    scaled, is_shared = columns * scales(field, learnt), field.fold == SHARED
+    parts = np.split(scaled[:, ~is_shared], np.cumsum(good.sum(axis=(1, 2)))[:-1])
     # Columns of other folds are zero here and are left out.
     roots = [_root(part[:, np.any(part != 0.0, axis=0)]) for part in parts]
     basis = np.zeros((*good.shape, max(root.shape[1] for root in roots)))
     for table, fold_mask, root in zip(basis, good, roots, strict=True):
         table[fold_mask, : root.shape[1]] = root
-    return RandomEffectsFilter(field, tuple(learnt), basis)
+    by_fold = RandomEffectsFilter(field, tuple(learnt), basis)
+    if not is_shared.any():
+        return by_fold
+    # The shared columns are whitened by the first filter before their own filter is computed.
+    shared = np.zeros((*good.shape, int(is_shared.sum())))
+    shared[good] = by_fold.taken_out(scaled[:, is_shared].T, good).T
+    return dataclasses.replace(by_fold, shared=shared)
 
 
 def _root(part: np.ndarray) -> np.ndarray:

@@ -14,11 +14,11 @@ from rover_pin.discrepancy.question import Progress
 from rover_pin.effects.raw_current import RawCurrent
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of
-from rover_pin.experiments.drive_log.features import ATTITUDE, LoggedRun, logged_runs
+from rover_pin.experiments.drive_log.features import ATTITUDE, LoggedRun, runs_with_attitude, without_attitude
 from rover_pin.experiments.drive_log.model import has_current_scale, nuisances, parameter
 from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.logs.drive_log import DriveLog
-from rover_pin.logs.run_terrain import level_on
+from rover_pin.logs.run_terrain import level_on, shared_grounds
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.trace.trace import Trace
 
@@ -58,23 +58,28 @@ def runs_on_estimated_ground(log: DriveLog, model: Model, jobs: Workers = 1) -> 
 
     The first estimate takes the measured attitude of the body for the inclination of the ground. The model then drives
     over this terrain, and its body differs in attitude from the ground because of suspension and sinkage. This
-    difference is subtracted from the measured attitude, which gives the second estimate. The error of the second
-    estimate is of second order, except for the sinkage if the true soil differs from the model's soil. If the model
-    does not drive to the end of a run, the first estimate is kept.
+    difference is subtracted from the measured attitude, which gives the second estimate. Runs that pass the same place
+    then have one terrain (`shared_grounds`). If the model does not drive to the end of a run, nothing is subtracted in
+    this run.
+
+    Pitch, roll and height are compared with the log on the estimated terrain. The error of the estimate is a part of
+    the noise (`ground_error_columns`), so that pitch, roll and height do not count twice: given them, the error of the
+    ground, the rover's own pitch and its sinkage are found together.
     """
-    runs = list(logged_runs(log, model.rover))
+    all_runs = runs_with_attitude(log, model.rover)
     # Declared terrains are exact and stay unchanged.
     indices = [index for index, trace in enumerate(log.runs) if log.is_estimated(trace)]
     if not indices:
-        return tuple(runs)
+        return all_runs
     # The model drives over the first estimate, which shows how its body differs in attitude from the ground below it.
-    replays = experiment_of([runs[index] for index in indices], model, jobs).replays(model)
+    rover, corrected = log.load_rover(), {index: log.runs[index] for index in indices}
+    replays = experiment_of([all_runs[index] for index in indices], model, jobs).replays(model)
     for index, replay in zip(indices, replays, strict=True):
-        trace, run = log.runs[index], runs[index]
+        trace, run = log.runs[index], all_runs[index]
         if replay.stop or run.commands.terrain is None:
             continue
         # `level` is the attitude of a rigid rover on the same ground.
-        level = level_on(run.commands.terrain, log.load_rover(), run.commands.place)
+        level = level_on(run.commands.terrain, rover, run.commands.place)
         difference = {name: replay.channels[name] - level[name] for name in ATTITUDE if name in trace}
         rows = list(difference.values())
         finite = np.all(np.isfinite(rows), axis=0) if rows else np.zeros(0, dtype=bool)
@@ -82,9 +87,14 @@ def runs_on_estimated_ground(log: DriveLog, model: Model, jobs: Workers = 1) -> 
             continue
         t = run.commands.t[finite]
         # The log and the replay have different times, so the difference is interpolated to the times of the log.
-        corrected = {name: trace[name] - np.interp(trace.t, t, row[finite]) for name, row in difference.items()}
-        ground = log.terrain_of(Trace({**trace.channels, **corrected}, dict(trace.units), dict(trace.attrs)))
-        runs[index] = dataclasses.replace(run, commands=dataclasses.replace(run.commands, terrain=ground))
+        own = {name: trace[name] - np.interp(trace.t, t, row[finite]) for name, row in difference.items()}
+        corrected[index] = Trace({**trace.channels, **own}, dict(trace.units), dict(trace.attrs))
+    # A run without pitch and height has no estimate: its ground is flat, and its roll is not compared.
+    runs = [without_attitude(run) if index in indices else run for index, run in enumerate(all_runs)]
+    for members, ground in shared_grounds([corrected[index] for index in indices], rover):
+        for index in (indices[member] for member in members):
+            commands = dataclasses.replace(all_runs[index].commands, terrain=ground.terrain)
+            runs[index] = dataclasses.replace(all_runs[index], commands=commands, ground=ground)
     return tuple(runs)
 
 

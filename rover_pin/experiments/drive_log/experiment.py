@@ -22,15 +22,17 @@ from rover_pin.effects.effect import SensorEffect
 from rover_pin.estimation.experiment import Arrays, Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import rms_of
-from rover_pin.estimation.random_effects.random_field import RandomField, join
+from rover_pin.estimation.random_effects.random_field import Kind, RandomField, join
 from rover_pin.experiments.drive_log.block_noise import declared_block_sd, scatter
 from rover_pin.experiments.drive_log.features import DRIFT, HEADING, PATH, SPEED, LoggedRun
 from rover_pin.experiments.drive_log.model import owners, with_record
 from rover_pin.experiments.drive_log.random_effects import (
+    GROUND_ERROR,
     KINDS,
     STEPS,
     TRACKER,
     ground_columns,
+    ground_error_columns,
     step_columns,
     tracker_columns,
 )
@@ -41,6 +43,7 @@ from rover_pin.simulation.replay import Perturbation, Replay, ReplayCommands, St
 from rover_pin.simulation.start import SharedRest, shared_rest
 from rover_pin.simulation.stepping.step_error import MARGIN
 from rover_pin.simulation.trace.channels import unit_of
+from rover_pin.terrain.terrain import Terrain
 
 FEATURE_UNITS = {PATH: "m", DRIFT: "m", HEADING: "rad", SPEED: "m/s"}
 """Feature that is computed from several channels -> its unit."""
@@ -247,7 +250,22 @@ class DriveExperiment(Experiment):
         slope = self.cached_arrays(("held further ahead", model), slope_ahead)["slope"]
         ahead = np.where(np.abs(slope) < LOST, slope, 0.0)
         tracker = tracker_columns(self.runs, self.channels, self.length, ahead)
-        parts = [(KINDS, columns(ground_columns, self.runs)), (TRACKER, tracker)]
+        parts: list[tuple[Sequence[Kind], Arrays]] = [(KINDS, columns(ground_columns, self.runs)), (TRACKER, tracker)]
+        if any(run.ground for run in self.runs):
+
+            def predict_on(requests: Sequence[tuple[int, Terrain]]) -> list[np.ndarray]:
+                # All replays of a run take equal time steps, so that their differences contain no error of step sizes.
+                steps, tasks = [driven.steps for driven in self.replays(model)], []
+                for at, terrain in requests:
+                    commands = dataclasses.replace(self.runs[at].commands, terrain=terrain)
+                    tasks.append((model, commands, Perturbation(), self.rests[at], False, steps[at]))
+                driven = zip(requests, self._spread_tasks(_replay_run, tasks), strict=True)
+                return [read(at, replayed) for (at, _), replayed in driven]
+
+            def ground_error() -> Arrays:
+                return ground_error_columns(self.runs, self.predict([model])[0], predict_on)
+
+            parts.append((GROUND_ERROR, self.cached_arrays((ground_error_columns.__name__, model), ground_error)))
         return join([*parts, (STEPS, columns(step_columns, late))] if late else parts)
 
     def cached_arrays(self, request: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:

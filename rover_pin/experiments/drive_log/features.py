@@ -29,6 +29,7 @@ from rover_pin.experiments.drive_log.excluded_rows import (
     without_pose_outliers,
 )
 from rover_pin.logs.drive_log import DriveLog
+from rover_pin.logs.run_terrain import GroundEstimate
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.logged_inputs import fill_gaps, means_at
 from rover_pin.simulation.replay import ReplayCommands, commands
@@ -72,8 +73,8 @@ Tilts and the channels of an inertial unit have sensors of their own and are com
 RAW = ("body_x", "body_y", "body_yaw", "body_vx", "body_vy", "body_vz")
 """Channels that are not compared themselves, but only through the features that are computed from them."""
 ATTITUDE = ("body_pitch", "body_roll", "body_z")
-"""Channels for the estimate of a run's terrain. On an estimated terrain these channels are not compared, because they
-would then count twice."""
+"""Channels for the estimate of a run's terrain. On an estimated terrain these channels are compared only if the error
+of the terrain is part of the noise (`LoggedRun.ground`). Otherwise they would count twice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +107,9 @@ class LoggedRun:
     course: str = ""
     """the log's formula for the heading from the place, or ''; with a formula, the heading of a replay is computed by
     it too"""
+    ground: GroundEstimate | None = field(default=None, repr=False)
+    """estimate of the terrain, if the terrain was estimated and its error is part of the noise. Runs over one terrain
+    have one object in common"""
 
     @cached_property
     def usable(self) -> np.ndarray:
@@ -132,7 +136,8 @@ class LoggedRun:
         read = dict(channels)
         if self.commands.inertial and GRAVITY[0] in channels:
             read |= inertial(channels, self.commands.period)
-        for sensor in sensors:
+        # A replay that did not start has no channels that a sensor could read.
+        for sensor in sensors if "body_yaw" in channels else ():
             read |= sensor.read(self.commands.t, read)
         rows = dict(self._rows(read))
         means = blocks(np.array(list(rows.values())), self.commands.period)
@@ -228,18 +233,28 @@ def logged_runs(log: DriveLog, rover: Rover) -> tuple[LoggedRun, ...]:
 
     If the terrain of a run is estimated from the run's attitude, the channels ATTITUDE of this run are not compared.
     """
+    runs = zip(log.runs, runs_with_attitude(log, rover), strict=True)
+    return tuple(without_attitude(run) if log.is_estimated(trace) else run for trace, run in runs)
+
+
+def runs_with_attitude(log: DriveLog, rover: Rover) -> tuple[LoggedRun, ...]:
+    """Return all runs of a log with all their measured features (half-second means), each run with its own terrain if
+    it has one. The channels ATTITUDE are kept even if they were used to estimate this terrain.
+    """
     shared = log.terrain()
     course = course_of(log.metadata.columns)
     runs = []
     for trace in log.runs:
         run = logged_run(trace, rover, lanes_under(log, trace, shared), course)
-        # Attitude and height have already been used for the terrain estimate.
-        is_kept = [name not in ATTITUDE or not log.is_estimated(trace) for name in run.channels]
-        channels = tuple(name for name, keep in zip(run.channels, is_kept, strict=True) if keep)
-        on_terrain = replace(run.commands, terrain=log.terrain_of(trace))
-        observed = run.observed[np.array(is_kept, dtype=bool)]
-        runs.append(replace(run, commands=on_terrain, channels=channels, observed=observed))
+        runs.append(replace(run, commands=replace(run.commands, terrain=log.terrain_of(trace))))
     return tuple(runs)
+
+
+def without_attitude(run: LoggedRun) -> LoggedRun:
+    """Return a run without the features ATTITUDE, because they have already been used to estimate its terrain."""
+    is_kept = np.array([name not in ATTITUDE for name in run.channels], dtype=bool)
+    channels = tuple(name for name in run.channels if name not in ATTITUDE)
+    return replace(run, channels=channels, observed=run.observed[is_kept])
 
 
 def with_assumed_rates(log: Trace, rover: Rover) -> Trace:

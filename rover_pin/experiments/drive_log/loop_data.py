@@ -189,7 +189,9 @@ class DriveLogData(LoopData):
         progress("driving the runs freely")
         experiment = experiment_of_log(after)
         free = free_runs(experiment, verdict.before.model, verdict.model)
-        ground = ground_variability(after)
+        # A ground that was estimated, or assumed to be flat, is no declaration that the log could contradict.
+        declarations = zip(experiment.runs, self.log.runs, strict=True)
+        ground = ground_variability(after, {run.name for run, trace in declarations if self.log.is_estimated(trace)})
         odometry = odometry_baselines(experiment, rover)
         verdict = with_draft(verdict, lambda fitted: draft_term(fitted, residual, self.name, progress), seed)
         # The sentence of the verdict names a wheel by its number; a reader also needs the name.

@@ -3,13 +3,16 @@
 Because such a random effect differs from run to run, it is no candidate for a missing effect, but a part of the noise.
 Each function returns how the compared features change per unit of each random effect, as arrays of a `RandomField`:
 `kind` (index into KINDS, TRACKER or STEPS), `fold` (index of the run) and `moved` (random effects, runs, channels,
-blocks). The noise model learns the SD of each kind from the log.
+blocks). The noise model learns the SD of each kind from the log,
+unless the SD is known.
 
 * Ground: raking the sand changes grip and slope along the path from run to run.
 * Tracker: its zero drifts over seconds by about its noise, longer than the correlation time of blocks, and a run may
   begin with a wrong zero. Without the drift, all runs together would seem to show a bias, a scale error, a tilt or a
   spring.
 * Duty steps: see `excluded_rows.AmbiguousStep`.
+* Error of an estimated terrain: the terrain was estimated from the rover's own attitude, which also depends on sinkage
+  and suspension. Its prior is known (`logs.run_terrain.GroundEstimate`), and runs over the same ground share its error.
 """
 
 import dataclasses
@@ -18,13 +21,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from rover_pin.estimation.random_effects.random_field import Kind
+from rover_pin.estimation.random_effects.random_field import SHARED, Kind
 from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, PATH, LoggedRun, blocks, leaky, remove_level
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.logged_inputs import fill_gaps
 from rover_pin.simulation.model.defaults import scale
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.replay import Perturbation, Replay
+from rover_pin.terrain.terrain import Terrain
 
 GRIP = Kind("grip along the way", 0.05, "")
 SLOPE = Kind("slope along the way", 0.01, "rad")
@@ -52,6 +56,53 @@ WALK_INTERVAL = 4.0
 
 STEPS = (Kind("instant of a step of the duty", 1.0, "", is_known=True),)
 """The kind of random effect of a duty step at an uncertain instant. Its SD is known and is not learnt."""
+
+GROUND_ERROR = (Kind("error of the estimated terrain", 1.0, "", is_known=True),)
+"""The kind of random effect of an estimated terrain's error: one shape of the error, in SDs of its prior."""
+SHAPE_SLOPE = 0.002
+"""RMS slope [rad] of the change of the terrain with which the derivative by a shape is computed. It is small compared
+with the slopes of the ground, so that the change of the prediction is proportional to it, and large compared with the
+round-off of a replay."""
+
+
+def ground_error_columns(
+    runs: Sequence[LoggedRun],
+    still: np.ndarray,
+    predict_on: Callable[[Sequence[tuple[int, Terrain]]], Sequence[np.ndarray]],
+) -> dict[str, np.ndarray]:
+    """Return how the compared features of all runs change with each shape of the error of their estimated terrains.
+
+    Parameters
+    ----------
+    runs : sequence of LoggedRun
+        The runs of the log. Runs with the same object `ground` drive over one terrain and share its error.
+    still : np.ndarray
+        Features that the model predicts on the estimated terrains (runs, channels, blocks).
+    predict_on : callable
+        Function that takes pairs (index of a run, terrain), and returns the features (channels, blocks) of each run on
+        this terrain, with the time steps of the replay on the estimated terrain.
+
+    Returns
+    -------
+    dict
+        The arrays `kind` (0, the index into GROUND_ERROR), `fold` and `moved` of a `RandomField`.
+    """
+    # One replay for each shape and each run on its ground, all in one request.
+    columns, requests = [], list[tuple[int, Terrain]]()
+    for ground in dict.fromkeys(run.ground for run in runs if run.ground is not None):
+        for index, shape in enumerate(ground.shapes):
+            steepness = np.concatenate([np.diff(shape, axis=axis).ravel() for axis in (0, 1)]) / ground.terrain.dx
+            size = SHAPE_SLOPE / float(np.sqrt(np.mean(steepness**2)))
+            members = [at for at, run in enumerate(runs) if run.ground is ground]
+            columns.append((size, members))
+            requests += [(member, ground.moved(index, size)) for member in members]
+    changed = iter(predict_on(requests))
+    table = np.zeros((len(columns), *still.shape))
+    for row, (size, members) in zip(table, columns, strict=True):
+        for member in members:
+            # The change is 0 in blocks that are not compared, and after the end of a replay that broke off.
+            row[member] = np.nan_to_num(next(changed) - still[member], posinf=0.0, neginf=0.0) / size
+    return {"kind": np.zeros(len(table), dtype=int), "fold": np.full(len(table), SHARED), "moved": table}
 
 
 def ground_columns(

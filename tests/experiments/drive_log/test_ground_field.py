@@ -14,6 +14,7 @@ from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.random_effects.learnt_noise import with_random_effects
+from rover_pin.estimation.random_effects.random_field import SHARED
 from rover_pin.experiments.drive_log import ground_variability
 from rover_pin.experiments.drive_log import random_effects as ground
 from rover_pin.experiments.drive_log.candidates import candidate_of, variants
@@ -22,11 +23,12 @@ from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import LEAK, logged_run
 from rover_pin.experiments.drive_log.model import parameter
 from rover_pin.experiments.drive_log.random_effects import STEPS
+from rover_pin.logs.run_terrain import GroundEstimate
 from rover_pin.rover.wheel_base import wheel_places
 from rover_pin.simulation.replay import PERIOD, ReplayCommands, replay
 from rover_pin.simulation.start import Start
 from rover_pin.terrain.shapes import flat
-from rover_pin.terrain.terrain import BEYOND, Lanes, Profile
+from rover_pin.terrain.terrain import BEYOND, HeightGrid, Lanes, Profile
 from tests.experiments.drive_log.linear_drive import on_flat
 
 SECONDS, SD = 12.0, 1e-3
@@ -111,6 +113,48 @@ def test_slope_of_a_run_acts_like_ground_of_that_slope(model):
         wanted, field_part = difference[0, row, use], field_change[row, use]
         assert field_part @ wanted > 0.99 * np.linalg.norm(field_part) * np.linalg.norm(wanted), name
         assert np.linalg.norm(field_part) == pytest.approx(np.linalg.norm(wanted), rel=0.1), name
+
+
+def on_estimate(model, truths):
+    """Runs whose flat ground was estimated; the only error that the estimate may have is a slope along x."""
+    x = np.linspace(-6.0, 6.0, 25)
+    plane = np.repeat(ground.SLOPE.size * x[:, None], 2, axis=1)
+    level = HeightGrid(-6.0, -6.0, 0.5, 12.0, np.zeros((25, 2)))
+    estimate = GroundEstimate(level, plane[None], 0.0)
+    runs = [
+        dataclasses.replace(run, ground=estimate, commands=dataclasses.replace(run.commands, terrain=level))
+        for run in logged(truths)
+    ]
+    return experiment_of(runs, model)
+
+
+def test_an_error_of_the_estimated_ground_moves_all_runs_over_it(model):
+    """One plane is uphill for one run and downhill for the other, and acts as the slope of each whole run does."""
+    experiment = on_estimate(model, [(model, 0.6, 0.0), (model, 0.6, math.pi)])
+    field = experiment.random_field(model)
+    (error,) = field.moved[field.fold == SHARED]
+    for fold, sense in ((0, 1.0), (1, -1.0)):
+        of_run, use = of(field, ground.SLOPE_OF_RUN, fold)[0], experiment.runs[fold].usable
+        for name in ("path", "body_pitch", "current_ml_A", "wheel_rate_rr"):
+            row = experiment.channels.index(name)
+            wanted, found = sense * of_run[row, use], error[fold, row, use]
+            assert found @ wanted > 0.99 * np.linalg.norm(found) * np.linalg.norm(wanted), name
+            assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(wanted), rel=0.1), name
+
+
+def test_an_estimated_ground_states_its_error_and_breaks_no_declaration(model):
+    """Two runs on a ground of 0.02 that was estimated as level: what is found is its SD, and no wrong declaration."""
+    rise = np.array([-BEYOND[0], BEYOND[0]])
+    truth = model.replace(terrain=Lanes((Profile(rise, 0.02 * rise),)))
+    experiment = on_estimate(model, [(truth, 0.6, 0.0), (truth, 0.7, math.pi)])
+    learnt_experiment = taught(experiment, model)
+    variability = ground_variability.ground_variability(learnt_experiment, {"run-0", "run-1"})
+    assert variability.worst is None
+    assert variability.sentence == ""
+    # Beforehand the SD is that of the shape; pitch and height of two runs leave a small part of it.
+    assert 0.0 < variability.estimate_sd < 0.1 * ground.SLOPE.size
+    assert variability.as_dict()["estimate_sd"] == variability.estimate_sd
+    assert "estimated from the attitude" in variability.lines[-1]
 
 
 def test_height_gained_at_one_place_persists_to_the_end(two, field):
