@@ -129,8 +129,9 @@ def sensitivities(
         The drive fails, as in `simulate`.
 
     Source: forward mode of algorithmic differentiation, Griewank and Walther, Evaluating Derivatives (2008); internal
-    differentiation, Bock, Recent advances in parameter identification techniques for ODE (1983). Seven tangents take
-    the time of about four drives, a difference that of four drives a number.
+    differentiation, Bock, Recent advances in parameter identification techniques for ODE (1983). For up to seven
+    numbers the drive with dual numbers takes about six times as long as the drive; a difference takes four drives a
+    number.
 
     Examples
     --------
@@ -199,7 +200,7 @@ def tangent_slopes(
         Function (name of a number, change) -> the scenario with this number changed.
     """
     try:
-        drive = TangentDrive(_along(scene, course), float(course.lengths.sum()))
+        drive = TangentDrive(drive_at_start(scene, course), float(course.lengths.sum()))
     except NoTangentError as reason:
         log.debug("no tangents: %s", reason)
         return {}
@@ -207,7 +208,9 @@ def tangent_slopes(
     inputs, neighbours = {}, {}
     for number, (value, _) in numbers.items():
         width = INPUT_WIDTH * abs(value) or INPUT_WIDTH
-        pair = [Neighbour(side / (2.0 * width), _along(changed(number, side * width), course)) for side in (-1, 1)]
+        pair = [
+            Neighbour(side / (2.0 * width), drive_at_start(changed(number, side * width), course)) for side in (-1, 1)
+        ]
         try:
             inputs[number], neighbours[number] = drive.input_slopes(pair), pair
         except NoTangentError as reason:
@@ -262,12 +265,12 @@ def drive_along(scene: Scenario, course: StepsTaken) -> Trace:
     `course` are the time steps of another drive, from `course_of`. Because the steps do not depend on the numbers of
     the scenario, the trace is a smooth function of every number.
     """
-    drive = _along(scene, course)
+    drive = drive_at_start(scene, course)
     run = run_compiled(drive, float(course.lengths.sum()), None)
     return trace_of(scene.model, finite(run.rows), {})
 
 
-def _along(scene: Scenario, course: StepsTaken) -> RunningDrive:
+def drive_at_start(scene: Scenario, course: StepsTaken) -> RunningDrive:
     """Return the drive of a scenario at its start, which will take the given time steps."""
     drive = _set_out(scene)
     drive.stepper.set_step(course.dt)

@@ -13,7 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-BENCHMARKS = ("drive_speed", "ground_speed", "replay_speed", "process_cost", "close_loop_speed")
+BENCHMARKS = ("drive_speed", "ground_speed", "replay_speed", "tangent_speed", "process_cost", "close_loop_speed")
 
 
 def main() -> None:

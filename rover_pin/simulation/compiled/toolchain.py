@@ -52,7 +52,7 @@ def compiler() -> list[str] | None:
     return None
 
 
-def shared_library(source: str, name: str) -> ctypes.CDLL:
+def shared_library(source: str, name: str, options: Sequence[str] = ()) -> ctypes.CDLL:
     """Return the library that is compiled from the C code `source`. If it was compiled before, it is loaded from a
     private folder instead (`private_folders`).
 
@@ -65,6 +65,8 @@ def shared_library(source: str, name: str) -> ctypes.CDLL:
         The C code.
     name : str
         Beginning of the name of the library's file.
+    options : sequence of str
+        Options of the compiler in addition to FLAGS.
 
     Raises
     ------
@@ -85,10 +87,12 @@ def shared_library(source: str, name: str) -> ctypes.CDLL:
                     return library
         command = found_compiler()
     # The second digest stands for the compiler and its options.
-    stem = f"{prefix}-{_digest([*command, *FLAGS, *fast_flags(command)])}"
+    stem = f"{prefix}-{_digest([*command, *FLAGS, *options, *fast_flags(command)])}"
     cached = next(filter(None, (cached_library(folder, stem) for folder in folders)), None)
     return cached or build_library(
-        folders, stem, lambda place: _compile_sources(command, {"source.c": source}, place, fast_flags(command))
+        folders,
+        stem,
+        lambda place: _compile_sources(command, {"source.c": source}, place, fast_flags(command), options),
     )
 
 
@@ -145,7 +149,9 @@ def uses_vectors() -> bool:
     return not portable and bool(level()) and has_vector_math()
 
 
-def _compile_sources(command: list[str], sources: Mapping[str, str], place: Path, fast: Sequence[str] = ()) -> Path:
+def _compile_sources(
+    command: list[str], sources: Mapping[str, str], place: Path, fast: Sequence[str] = (), options: Sequence[str] = ()
+) -> Path:
     """Compile C files into a library, and return the path of its file.
 
     Parameters
@@ -158,6 +164,8 @@ def _compile_sources(command: list[str], sources: Mapping[str, str], place: Path
         Folder of the C files and the library.
     fast : sequence of str
         Options for vector instructions. If the compiler refuses them, the files are compiled without them.
+    options : sequence of str
+        Further options.
     """
     log.debug("compiling %d characters of C with %s", sum(map(len, sources.values())), " ".join(command))
     library = place / "made.so"
@@ -165,7 +173,8 @@ def _compile_sources(command: list[str], sources: Mapping[str, str], place: Path
         (place / name).write_text(source, encoding="utf-8")
     files = [str(place / name) for name in sources if name.endswith(".c")]
     # If the flags for vector functions were given but do not work, the plain command is tried too.
-    tried = [[*FLAGS, *fast, "-o", str(library), *files, "-lmvec"], [*FLAGS, "-o", str(library), *files]]
+    flags = [*FLAGS, *options]
+    tried = [[*flags, *fast, "-o", str(library), *files, "-lmvec"], [*flags, "-o", str(library), *files]]
     for arguments in tried if fast else tried[1:]:
         run = subprocess.run(
             [*command, *arguments, "-lm"], capture_output=True, text=True, check=False,

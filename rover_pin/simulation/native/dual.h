@@ -35,9 +35,8 @@ static inline Dual dual_chain2(Dual x, Dual y, double value, double by_x, double
 }
 
 static inline Dual dual_mul(Dual x, Dual y) {
-  Dual z = x * y[0] + y * x[0];
-  z[0] = x[0] * y[0];
-  return z;
+  const Dual mask = dual(-1.0) + 1.0; /* 0 for the value, 1 for the derivatives */
+  return x * y[0] + y * (mask * x[0]);
 }
 static inline Dual dual_div(Dual x, Dual y) {
   const double value = x[0] / y[0];
@@ -101,11 +100,15 @@ static inline double dual_truth(int64_t m) { return m != 0; }
 static inline double dual_sign(Dual x) { return (x[0] > 0.0) - (x[0] < 0.0); }
 static inline Dual dual_if(Dual c, Dual x) { return c[0] != 0.0 ? x : dual(0.0); }
 
-/* Operations of rows. */
+/* Operations of rows. The eight entries are written out, because compilers keep the rows in registers then. */
+#define AT(place, target, entry) { enum { k = place }; target = entry; }
+#define ALL_EIGHT(target, entry)                                                                        \
+  AT(0, target, entry) AT(1, target, entry) AT(2, target, entry) AT(3, target, entry)                   \
+  AT(4, target, entry) AT(5, target, entry) AT(6, target, entry) AT(7, target, entry)
 #define EACH_OF_ROW(name, parameters, entry)             \
   static inline Row name parameters {                    \
     Row out;                                             \
-    for (int k = 0; k < 8; ++k) out.at[k] = entry;       \
+    ALL_EIGHT(out.at[k], entry)                          \
     return out;                                          \
   }
 EACH_OF_ROW(row_of, (Dual x), x)
@@ -119,7 +122,7 @@ EACH_OF_ROW(row_from_cells, (Cells m), dual((double)m[k]))
 #define ROW_CELLS(name, parameters, entry)               \
   static inline Cells name parameters {                  \
     Cells out;                                           \
-    for (int k = 0; k < 8; ++k) out[k] = entry;          \
+    ALL_EIGHT(out[k], entry)                             \
     return out;                                          \
   }
 ROW_CELLS(row_to_cells, (Row a), (int64_t)a.at[k][0])
