@@ -41,6 +41,7 @@ from rover_pin.experiments.wheel_rig.joint_model import JointModel
 from rover_pin.experiments.wheel_rig.model import RigModel, read_model, write_model
 from rover_pin.experiments.wheel_rig.next_runs import next_runs
 from rover_pin.experiments.wheel_rig.runs import RigRuns
+from rover_pin.experiments.wheel_rig.unloaded import unloaded_readings, zero_readings
 from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.rig_set import RigSet
 from rover_pin.simulation.model.model import Model
@@ -149,7 +150,7 @@ class RigData(LoopData):
             numbers_of(self.experiment, model),
             lambda base: candidates(self.experiment, base.model, tried),
             lambda base: draft_curve(self.experiment, base),
-            offers=lambda leading: (next_runs(self.experiment.sets),),
+            offers=lambda leading: (next_runs(self.experiment.sets), unloaded_readings(self.experiment)),
         )
 
     def describe(self) -> str:
@@ -181,6 +182,8 @@ class RigData(LoopData):
         of the permutation tests of the residuals.
         """
         assert verdict.before is not None
+        # A zero error that explains the data is checked by a reading without load, before any other run.
+        verdict = dataclasses.replace(verdict, experiments=(*zero_readings(verdict.named), *verdict.experiments))
         tried = [candidate.effect for candidate in question.candidates(verdict.before.fit)]
         declared = describe_declared(self.experiment.declared, tried, self.base_model().effects)
         if len(self.experiment.sets) > 1:
