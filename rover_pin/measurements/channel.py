@@ -165,9 +165,9 @@ class RigErrors(Record):
     * moment s_M (M - x_0 f_y) + M_0, where x_0 is the distance of the cell's vertical axis ahead of the wheel's centre;
     * torque by motor current s_I T + T_I0, where T_I0 is the torque of the no-load current.
 
-    A wheel that is pressed into the soil without turning meets s_p times the force of the law for rolling
-    (`experiments.wheel_rig.runs`). An error that `rig.toml` states with an `sd` is a nuisance parameter of every fit,
-    with this prior. An error without `sd` is corrected exactly.
+    A wheel that is pressed into the soil without turning meets s_p times the force of the law for rolling, and a plate
+    s_b times this force (`experiments.wheel_rig.runs`). An error that `rig.toml` states with an `sd` is a nuisance
+    parameter of every fit, with this prior. An error without `sd` is corrected exactly.
 
     All errors are neutral by default. Source: the usual errors of single-wheel rigs. For example, a zero error of the
     torque looks like a rolling resistance.
@@ -189,6 +189,7 @@ class RigErrors(Record):
     motor_torque_tare: Scalar = quantity(0.0, "N m", "none unless [rig] states it", -1e4, 1e4, "T_I0")
     motor_torque_scale: Scalar = quantity(1.0, "", "reading over torque: 1", 0.2, 5.0, "s_I")
     pressing_scale: Scalar = quantity(1.0, "", "force of pressing in over that of the law: 1", 0.2, 5.0, "s_p")
+    plate_scale: Scalar = quantity(1.0, "", "force of pressing a plate in over that of the law: 1", 0.2, 5.0, "s_b")
 
     def read(self, forces: Load, h: Scalar, load: Scalar) -> tuple[Scalar, ...]:
         """Return the readings of the rig for the forces on its wheel.

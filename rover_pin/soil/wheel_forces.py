@@ -126,6 +126,17 @@ def pressing_force(h: Scalar, wheel: Wheel, soil: Soil) -> Scalar:
     return wheel_forces(0.0, arc, -arc, wheel, soil.replace(c=0.0, phi=0.0)).f_n
 
 
+def plate_force(h: Scalar, b: Scalar, area: Scalar, soil: Soil) -> Scalar:
+    """Return the force [N] that presses a flat plate into the soil by h [m]: the pressure of Eq (4) times the area.
+
+    b [m] is the radius of a round plate or the shorter side of a rectangular plate, and `area` its area [m^2].
+
+    Source: Eq (4) with p = (k_1 + k_2 b) (h / b)^n, as Bekker measured its constants with plates. Differs from the
+    paper: the paper presses no plates.
+    """
+    return area * (soil.k_1 + soil.k_2 * b) * (h / b) ** soil.n
+
+
 def paid_for(pull: Scalar, shear: Scalar, S: Scalar) -> Scalar:
     """Return a wheel's pull f_t [N], limited so that it does no more work than the wheel's torque T provides.
 

@@ -38,11 +38,11 @@ OFFSET_AND_SCALE = {
     MotorTorque: ("motor_torque_tare", "motor_torque_scale"),
 }
 """Channel -> names of its offset and of its scale in `RigErrors`."""
-PRESSING = "rig.pressing_scale"
-"""Name of the parameter for the soil's stiffness under a pressed wheel divided by its stiffness under a rolling
-wheel."""
+PRESSING, PLATES = "rig.pressing_scale", "rig.plate_scale"
+"""Names of the parameters for the soil's stiffness under a pressed wheel, and under a pressed plate, divided by its
+stiffness under a rolling wheel."""
 PRESSING_SD = 0.3
-"""Prior SD of the logarithm of the stiffness ratio `PRESSING` (assumed)."""
+"""Prior SD of the logarithm of the stiffness ratios `PRESSING` and `PLATES` (assumed)."""
 
 
 def own_name(name: str) -> str:
@@ -88,17 +88,18 @@ class SetNumbers:
         return [*replaced, *declared.values()]
 
     def of_rig(self) -> Iterator[Parameter]:
-        """Yield the uncertain parameters of rig and wheel: the pressing scale, and numbers that rig.toml states with an
-        SD.
+        """Yield the uncertain parameters of rig and wheel: the pressing scales, and numbers that rig.toml states with
+        an SD.
 
         The pressing scale is the stiffness of the soil under a pressed wheel divided by its stiffness under a rolling
         wheel. It is free if there are pressing trials. A pressing trial presses the wheel into the sand without
-        rolling. Offset and scale of a torque by motor current are always uncertain, so both are free if the torque was
-        measured in this way.
+        rolling. Trials of plates have a scale of their own. Offset and scale of a torque by motor current are always
+        uncertain, so both are free if the torque was measured in this way.
         """
         rig = self.data
-        if self.data.trials and PRESSING not in rig.error_sd:
-            yield self._parameter(PRESSING, PRESSING_SD, log=True)
+        pressed = {PRESSING: any(not of.plate for of in rig.trials), PLATES: any(of.plate for of in rig.trials)}
+        for name in (name for name, is_measured in pressed.items() if is_measured and name not in rig.error_sd):
+            yield self._parameter(name, PRESSING_SD, log=True)
         for name, sd in {**rig.error_sd, **self._motor_errors()}.items():
             declared = "declared in rig.toml" if name in rig.error_sd else ""
             parameter = self._parameter(name, sd, declared=declared)

@@ -34,8 +34,8 @@ from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.measurements.rig_set import SAME_LOAD, RigSet
 
 OTHER_WIDTH = 1.05
-"""Minimum ratio of the widest to the narrowest wheel. From this ratio on, k_1 and k_2 can be distinguished, so that k_2
-is free. Widths are stated to about 1 %."""
+"""Minimum ratio of the widest to the narrowest wheel or pressed plate. From this ratio on, k_1 and k_2 can be
+distinguished, so that k_2 is free. Widths are stated to about 1 %."""
 SAME_RUN = 0.02
 """Maximum difference between the channels of two runs, as a fraction of their SDs. Up to this value, the runs of two
 data sets count as one run."""
@@ -234,10 +234,11 @@ class RigExperiment(Differentiable):
             if parameter.name not in parameters or (parameter.prior and not parameters[parameter.name].prior):
                 parameters[parameter.name] = parameter
         # Several data sets together determine n and c if their loads differ, and k_2 if the widths of their wheels
-        # differ. Within one data set these constants may be inseparable.
+        # or plates differ. Within one data set these constants may be inseparable.
         joint: list[Parameter] = []
         loads = np.concatenate([data.load for data in self.sets])
         widths = [float(data.wheel.b) for data in self.sets]
+        widths += [of.plate.b for data in self.sets for of in data.trials if of.plate is not None]
         if loads.max() >= SAME_LOAD * loads.min():
             joint.append(self.parameter(model, "soil.n", SD["n"].undeclared))
             joint.append(self.parameter(model, "soil.c", max(SD["c"].undeclared, float(model.soil.c))))

@@ -183,7 +183,7 @@ class RigData(LoopData):
         """
         assert verdict.before is not None
         # A zero error that explains the data is checked by a reading without load, before any other run.
-        verdict = dataclasses.replace(verdict, experiments=(*zero_readings(verdict.named), *verdict.experiments))
+        proposed = (*zero_readings(verdict.named), *verdict.experiments)
         tried = [candidate.effect for candidate in question.candidates(verdict.before.fit)]
         declared = describe_declared(self.experiment.declared, tried, self.base_model().effects)
         if len(self.experiment.sets) > 1:
@@ -194,7 +194,10 @@ class RigData(LoopData):
             against = parameter_cautions((), flags(rig, verdict.model.soil, float(rig.wheel.b), fitted))
             losses = [error.loss for error in errors if error.is_lost]
             return dataclasses.replace(
-                verdict, extra=JointExtra(errors, declared), cautions=(*against, *verdict.cautions, *losses)
+                verdict,
+                extra=JointExtra(errors, declared),
+                cautions=(*against, *verdict.cautions, *losses),
+                experiments=proposed,
             )
         progress("errors of curves through the points, for comparison")
         # For one data set: diagnostics, cautions, likelihood profiles, and the errors of simple curves.
@@ -211,6 +214,7 @@ class RigData(LoopData):
             verdict,
             extra=RigExtra(before, after, declared),
             cautions=cautions(verdict, after),
+            experiments=proposed,
             profiles=profiles(verdict.after.fit, tuple(number.name for number in verdict.after.numbers)),
         )
         return against_rivals(verdict, curves(rolled.observed, rolled.inputs, channels))

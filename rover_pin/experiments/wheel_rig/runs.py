@@ -259,6 +259,8 @@ def pressed_in(
     if not trials:
         return np.zeros((0, 1, 0)), np.zeros((len(free), 0, 1, 0))
     depth = np.array([trial.sinkage for trial in trials])
+    plates = np.array([(0.0, 1.0, 1.0) if trial.plate is None else (1.0, *trial.plate) for trial in trials])
+    indenters = np.vstack([depth.reshape(1, -1), np.repeat(plates, depth.shape[1], axis=0).T])
     law = pressed_law(model.structure, tuple(free), depth.size)
-    rows = law(ca.DM(depth.reshape(1, -1)), ca.DM(vector)).full().reshape(-1, len(trials), 1, depth.shape[1])
+    rows = law(ca.DM(indenters), ca.DM(vector)).full().reshape(-1, len(trials), 1, depth.shape[1])
     return rows[0], rows[1:]

@@ -18,7 +18,7 @@ from rover_pin.effects.effect import Effect
 from rover_pin.measurements.channel import RigErrors
 from rover_pin.soil.sinkage import power_law_guess
 from rover_pin.soil.slip import STANDS
-from rover_pin.soil.wheel_forces import pressing_force
+from rover_pin.soil.wheel_forces import plate_force, pressing_force
 
 MAX_CACHED_LAWS = 512
 """Maximum number of models whose compiled functions are kept in memory. A study of many data sets needs them again."""
@@ -202,22 +202,28 @@ def with_values_of(effects: tuple[Effect, ...], p: ca.SX) -> tuple[Wheel, Soil, 
 
 @lru_cache(maxsize=MAX_CACHED_LAWS)
 def pressed_law(effects: tuple[Effect, ...], free: tuple[str, ...], points: int) -> ca.Function:
-    """Return the compiled function from sinkages to the logarithm of the force that presses a wheel into the soil.
+    """Return the compiled function from sinkages to the logarithm of the force that presses a wheel or a plate into the
+    soil.
 
-    The function (sinkages, parameters) also gives the derivatives of ln f_n by the parameters `free`, where f_n is the
-    force. The wheel neither turns nor slides (see `pressing_force`), and the effects change the contact as at rest. The
-    result has one column for each of the `points` sinkages.
+    The function (indenters, parameters) also gives the derivatives of ln f_n by the parameters `free`, where f_n is the
+    force. `indenters` has one column for each of the `points` sinkages, with the sinkage [m], 1 for a plate or 0 for
+    the wheel, and the plate's b [m] and area [m^2] (`plate_force`; 1 for the wheel). The wheel neither turns nor slides
+    (see `pressing_force`), and the effects change the contact as at rest. The result has one column for each sinkage.
     """
     names = parameter_names(effects)
     # A pressed wheel has neither slip nor speed, and its effects have not built up any states.
-    h, p = ca.SX.sym("h"), ca.SX.sym("p", len(names))
+    indenter, p = ca.SX.sym("indenter", 4), ca.SX.sym("p", len(names))
+    h, is_plate, b, area = ca.vertsplit(indenter)
     wheel, soil, valued_effects = with_values_of(effects, p)
     contact = Contact(0.0, 0.0, h, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, wheel, soil)
     contact = _amend_contact(valued_effects, contact, [(0.0,) * len(effect.states) for effect in effects])
-    value = ca.log(p[names.index("rig.pressing_scale")] * pressing_force(contact.h, wheel, contact.soil))
+    # Both forces are finite for every column, so that the derivative of the other force does no harm.
+    by_wheel = p[names.index("rig.pressing_scale")] * pressing_force(contact.h, wheel, contact.soil)
+    by_plate = p[names.index("rig.plate_scale")] * plate_force(h, b, area, contact.soil)
+    value = ca.if_else(is_plate > 0.0, ca.log(by_plate), ca.log(by_wheel))
     wanted = ca.vertcat(*(p[names.index(name)] for name in free)) if free else ca.SX(0, 1)
     column = ca.densify(ca.vertcat(value, ca.jacobian(value, wanted).T))
-    return ca.Function("pressed", [h, p], [column]).map("every", "serial", points, [1], [])
+    return ca.Function("pressed", [indenter, p], [column]).map("every", "serial", points, [1], [])
 
 
 def _amend_contact(effects: Sequence[Effect], contact: Contact, x: Sequence[tuple[ca.SX, ...]]) -> Contact:

@@ -68,12 +68,12 @@ class UnloadedReadings(Experiment):
         return tuple((data, channel) for data in self.rigs.sets for channel in data.channels)
 
     @property
-    def channels(self) -> tuple[str, ...]:  # type: ignore[override]
+    def channels(self) -> tuple[str, ...]:
         """Names of the readings, one for each kind of channel."""
         return tuple(dict.fromkeys(f"the unloaded {channel.name}" for _, channel in self.readings))
 
     @property
-    def folds(self) -> tuple[str, ...]:  # type: ignore[override]
+    def folds(self) -> tuple[str, ...]:
         """Descriptions of the readings."""
         return tuple(self.rigs.in_set(data.name, ": ", reading_of(type(channel))) for data, channel in self.readings)
 
@@ -85,7 +85,7 @@ class UnloadedReadings(Experiment):
         return table
 
     @property
-    def observed(self) -> np.ndarray:  # type: ignore[override]
+    def observed(self) -> np.ndarray:
         """Stand-ins (folds, channels, 1) for the readings, which are not measured yet: 0, and NaN in other cells."""
         return self._table([0.0] * len(self.readings))
 

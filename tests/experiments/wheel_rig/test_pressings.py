@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rover_pin import Soil, Wheel, close_the_loop
+from rover_pin.base.errors import DataError
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.experiments.wheel_rig.candidates import default_effect, rig_kinds
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment, join_sets
@@ -16,6 +17,7 @@ from rover_pin.loop.identify import identify
 from rover_pin.measurements.pressed import Trial
 from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.soil.wheel_forces import pressing_force
+from studies.shared.rig_fits import calibrated
 from tests.oracle import rig_generator as hidden
 
 DATA = Path(__file__).parents[3] / "studies" / "data"
@@ -154,3 +156,72 @@ def test_a_pressed_set_stands_beside_one_that_is_not(tmp_path):
     assert [name for name in names if name.endswith("pressing_scale")] == [f"{pressed.name}.rig.pressing_scale"]
     predicted = joint.predict([joint.base_model()])[0]
     assert np.isfinite(predicted[np.isfinite(joint.observed)]).all()
+
+
+K_1, K_2, N = 3e4, 1.5e6, 1.2
+"""Constants of Reece's pressure (k_1 + k_2 b) (h / b)^n [Pa, Pa/m, -] that the plates below are pressed against."""
+
+
+def with_plates(folder, stiffer=1.0, diameters=(0.05, 0.1), sides=((0.06, 0.15),)):
+    """A set whose sand was also measured by a bevameter, with round plates (b is the radius) and rectangular ones."""
+    rig = hidden.Rig("none")
+    path = hidden.write(folder, rig, hidden.rig_set(rig, loads=(25.0,)))
+    random = np.random.default_rng(11)
+    rows = ["trial,indenter,plate_diameter_m,plate_width_m,plate_length_m,sinkage_m,force_N"]
+    plates = [(d / 2, np.pi * d**2 / 4, f"{d},,") for d in diameters] + [(b, b * a, f",{a},{b}") for b, a in sides]
+    for trial, (b, area, cells) in enumerate(plates):
+        force = stiffer * area * (K_1 + K_2 * b) * (DEPTHS / b) ** N * np.exp(0.02 * random.normal(size=DEPTHS.size))
+        rows += [f"{trial},plate,{cells},{h:.6g},{f:.6g}" for h, f in zip(DEPTHS, force, strict=True)]
+    (path / "penetration.csv").write_text("\n".join(rows) + "\n")
+    lines = (path / "rig.toml").read_text().replace('"points.csv" }', '"points.csv", penetration = "penetration.csv" }')
+    stored = [line for line in lines.splitlines() if not line.startswith("n =")]
+    (path / "rig.toml").write_text("\n".join(stored) + "\n")
+    return path
+
+
+def test_plates_of_a_bevameter_are_pressed_by_their_own_size(tmp_path):
+    rig = read_rig_set(with_plates(tmp_path / "set"))
+    sizes = np.array(sorted(trial.plate for trial in rig.trials))
+    assert sizes == pytest.approx(np.array([(0.025, np.pi * 0.025**2), (0.05, np.pi * 0.05**2), (0.06, 0.009)]))
+    soil = Soil(k_1=K_1, k_2=K_2, n=N, c=0.0)
+    model = RigModel(Wheel(0.1, 0.08), soil)
+    model = dataclasses.replace(model, errors=model.errors.replace(plate_scale=1.3))
+    values, slopes = pressed_in(model, ("k_1", "k_2", "n", "rig.plate_scale"), model.vector(), rig.trials)
+    for trial, logs in zip(rig.trials, values[:, 0], strict=True):
+        assert np.exp(logs) == pytest.approx(1.3 * trial.force, rel=0.07)
+    assert slopes[3] == pytest.approx(1 / 1.3)
+
+
+def test_plates_of_several_widths_measure_the_sand_of_the_wheel(tmp_path):
+    """The exponent and the growth of the modulus with the width follow from plates; its level also from the wheel."""
+    fits = {}
+    for stiffer in (1.0, 1.4):
+        experiment = RigExperiment((read_rig_set(with_plates(tmp_path / str(stiffer), stiffer)),))
+        model = experiment.base_model()
+        numbers = experiment.uncertain(model)
+        assert {"soil.n", "soil.k_2", "rig.plate_scale"} < {number.name for number in numbers}
+        assert "rig.pressing_scale" not in {number.name for number in numbers}
+        fits[stiffer] = calibrated(experiment, model, numbers)
+    fit = fits[1.0]
+    ratio = [(fit.value("soil.k_1") + fit.value("soil.k_2") * b) / b ** fit.value("soil.n") for b in (0.025, 0.06)]
+    assert ratio[0] / ratio[1] == pytest.approx(
+        (K_1 + K_2 * 0.025) / (K_1 + K_2 * 0.06) * (0.06 / 0.025) ** N, rel=0.15
+    )
+    assert fit.value("soil.n") == pytest.approx(N, abs=0.15)
+    # A bed that is stiffer for the plates alone moves their scale, not the sand of the wheel.
+    stiffer = fits[1.4].value("rig.plate_scale") / fit.value("rig.plate_scale")
+    assert stiffer == pytest.approx(1.4, rel=0.1)
+    assert fits[1.4].value("soil.phi") == pytest.approx(fit.value("soil.phi"), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [(",0.05,,,", ",50.0,,,", "plate_diameter_m"), (",0.15,0.06,", ",0.15,,", "plate_width_m")],
+)
+def test_a_plate_without_its_size_is_refused(tmp_path, old, new, message):
+    broken = with_plates(tmp_path / "set")
+    table = (broken / "penetration.csv").read_text()
+    assert old in table
+    (broken / "penetration.csv").write_text(table.replace(old, new))
+    with pytest.raises(DataError, match=message):
+        read_rig_set(broken)
