@@ -263,7 +263,7 @@ def slip_by_definition(slip: np.ndarray, definition: object, where: str) -> np.n
     if impossible.any():
         row = int(np.argmax(impossible))
         raise DataError(
-            f"{where}: slip is {slip[row]:g} in row {row + 1}, which slip_definition = '{definition}' cannot give "
-            "while rim and wheel move in the same direction. Check that row, or the definition."
+            f"{where}: slip is {slip[row]:g} in row {row + 1}. With slip_definition = '{definition}', this is "
+            "impossible while rim and wheel move in the same direction. Check that row, or the definition."
         )
     return SLIP_DEFINITIONS[definition](slip)

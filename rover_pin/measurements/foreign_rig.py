@@ -116,7 +116,11 @@ class RigTable:
             found = matches(name)
             if not found:
                 wrong = unit_of_wrong_kind(name)
-                why = f"its unit '{wrong}' is of another kind" if wrong else "no column of a rig set has this name"
+                why = (
+                    f"its unit '{wrong}' does not fit this quantity"
+                    if wrong
+                    else "no column of a rig set has this name"
+                )
                 self.notes.append(f"'{name}' is not used: {why}")
                 continue
             candidates.setdefault(found[0].column, []).append((name, found[0]))
@@ -133,7 +137,7 @@ class RigTable:
             chosen = [(name, match) for name, match in rows if (match.is_guess, match.is_set_point) == best]
             if len(chosen) > 1:
                 self._ambiguous[column] = [name for name, _ in chosen]
-                self.notes += [f"'{name}' may be {column}, but so may another column" for name, _ in chosen]
+                self.notes += [f"'{name}' may mean {column}, but another column may mean it too" for name, _ in chosen]
                 continue
             ((name, match),) = chosen
             self.sources[column] = ColumnOrigin(name, match.unit)
@@ -150,7 +154,7 @@ class RigTable:
             if match.is_guess:
                 reading.append("a guess from part of its name")
             if match.is_set_point:
-                reading.append("commanded, because no measured column is there")
+                reading.append("commanded values, because the table has no measured column of it")
             self.notes.append(", ".join([f"'{name}' is {column}", *reading]))
             for other, _ in rows:
                 if other != name:
@@ -205,8 +209,8 @@ class RigTable:
         # the slope, and a mass gives the load.
         if SLOPE not in columns and not any(kind.column in columns for kind in RIG_CHANNELS):
             raise DataError(
-                f"{self.file}: no column is known as a measured channel: name one drawbar_pull_N, torque_Nm or "
-                f"sinkage_m, or give --column drawbar_pull_N='FORMULA'. {self._names()}"
+                f"{self.file}: no column is recognised as a measured channel: name a column drawbar_pull_N, "
+                f"torque_Nm or sinkage_m, or give --column drawbar_pull_N='FORMULA'. {self._names()}"
             )
         missing = [name for name in ("slip", "load_N") if name not in columns]
         if "load_N" in missing and LOAD_MASS in columns:
@@ -214,8 +218,8 @@ class RigTable:
         if missing:
             constant = " If all runs have one load, give --column load_N=50." if "load_N" in missing else ""
             raise DataError(
-                f"{self.file}: no column is known as {' or '.join(missing)}: rename the column in the table, or give "
-                f"--column {missing[0]}='FORMULA' with columns of the table.{constant} {self._names()}"
+                f"{self.file}: no column is recognised as {' or '.join(missing)}: rename a column of the table, or "
+                f"give --column {missing[0]}='FORMULA' with columns of the table.{constant} {self._names()}"
             )
         self._refuse_other_slips(columns["slip"], slip_definition)
         if "sinkage_m" in columns:

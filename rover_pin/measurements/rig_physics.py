@@ -222,7 +222,7 @@ def _doubtful(data: RigSet) -> Iterator[PhysicsCheck]:
     # The moment over the side force is the lever arm of the side force ahead of the wheel's centre.
     arm, arm_sd = (_some(np.median, ratio) for ratio in (moment[use] / side[use], moment_sd[use] / np.abs(side[use])))
     where = "ahead of" if arm > 0.0 else "behind"
-    what = f"by {VerticalMoment.column} the side force acts {abs(arm):.3g} m {where} the axle, beyond the rim"
+    what = f"{VerticalMoment.column} means that the side force acts {abs(arm):.3g} m {where} the axle, beyond the rim"
     todo = "convert the moment to the wheel's centre, or state moment_arm in [rig], and check its unit"
     yield PhysicsCheck(abs(arm) > float(data.wheel.r) + CLEAR_SDS * arm_sd, what, todo)
 

@@ -62,7 +62,8 @@ class Reading:
             """Raise an error for a name that a reading does not have. For the name of a quantity that no rover
             measures, such as the slip, the error names `truth`.
             """
-            hint = f"no rover measures it; reading.truth.{name} is the truth." if name in Truth._fields else ""
+            hint = f"no rover measures it; in a simulation, reading.truth.{name} has its true value."
+            hint = hint if name in Truth._fields else ""
             raise UnknownAttributeError(self, name, [field.name for field in fields(Reading)], hint)
 
     def replace(self, **changes: Any) -> Reading:

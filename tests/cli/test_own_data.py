@@ -37,9 +37,9 @@ def test_a_table_becomes_a_set_in_si(run):
         (MINE, ("--noise", "pull=1"), "--noise"),
         (MINE, ("--noise", "drawbar_pull=1mm"), "drawbar_pull: unit 'mm' does"),
         (MINE.replace("Load [N]", "Load [mm]"), NOISE, "load_N"),
-        (MINE.replace("Load [N]", "mass"), NOISE, "known as load_N"),
+        (MINE.replace("Load [N]", "mass"), NOISE, "load_N:"),
         (MINE.replace("operator", "slip"), NOISE, "'slip' may both be slip"),
-        ("slip,load_N\n0,1\n", (), "name one drawbar_pull_N"),
+        ("slip,load_N\n0,1\n", (), "drawbar_pull_N"),
         ("", (), "mine.csv"),
     ],
 )

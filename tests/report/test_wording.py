@@ -189,7 +189,7 @@ def test_held_out_figure_draws_no_unclaimed_change():
     left = heldout_panel(scores(), True, MANNER).axes[0]
     drawn = [line for line in left.collections if isinstance(line, LineCollection)]
     assert len(drawn[0].get_segments()) == 2
-    hollow = next(line for line in left.lines if "no change to claim" in line.get_label())
+    hollow = next(line for line in left.lines if line.get_markerfacecolor() == "none")
     assert list(hollow.get_xdata()) == pytest.approx([2.0])
 
 

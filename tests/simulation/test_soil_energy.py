@@ -1,4 +1,5 @@
-"""Energy that a traction law has from nowhere is told, in joules and per cent; a law that takes is not accused."""
+"""Energy that a traction law creates is reported, in joules and percent; a law that only takes energy has no
+warning."""
 
 import dataclasses
 
@@ -29,7 +30,9 @@ def driven(name, **settings):
     ],
 )
 def test_forms_without_compaction_give_nothing_at_negative_slip(name, settings):
-    """They gave 4 to 37 % of the motors' work before the torque had to pay for the pull; the account is in order."""
+    """With a torque that does not pay for the pull, these forms would create 4 to 37 % of the motors' work. The energy
+    account balances.
+    """
     model, trace = driven(name, **settings)
     assert trace.stack("slip").min() < -0.07
     energy = spurious_energy(model, trace)
@@ -38,7 +41,9 @@ def test_forms_without_compaction_give_nothing_at_negative_slip(name, settings):
 
 
 def test_the_rate_of_a_wheel_is_that_of_the_world():
-    """In a ditch bogies turn by as much as wheels slip: the torque's power is told with the rate of both."""
+    """In a ditch the bogies turn as fast as the wheels slip, so that the power of the torque needs the rates
+    of both.
+    """
     model, trace = driven("ditch", slip="algebraic", **{"soil.k": 0.0025})
     rim = 0.045 * (trace.stack("wheel_rate") + carrier_rates(model, trace))
     v = trace.stack("travel")
@@ -50,7 +55,9 @@ def test_the_rate_of_a_wheel_is_that_of_the_world():
 
 @pytest.mark.parametrize("fall", [0.0, 0.02])
 def test_the_energy_of_pressing_comes_back_when_a_wheel_lifts(fall):
-    """f_n ~ h^(n + 1/2) holds the integral of f_n dh (by trapezia); only a fall beyond that is from nowhere."""
+    """The force f_n ~ h^(n + 1/2) gives the integral of f_n dh (by the trapezoidal rule). Only a larger decrease of the
+    account is created energy.
+    """
     model, trace = driven("flat", duration=1.0)
     h = np.concatenate([np.linspace(0.004, 0.001, 1001), np.linspace(0.001, 0.003, 1001)])
     load = 8e4 * h ** (float(model.soils[0].n) + 0.5)
@@ -77,7 +84,7 @@ def test_the_energy_of_pressing_comes_back_when_a_wheel_lifts(fall):
 )
 def test_a_drive_that_pays_for_its_way_gets_no_warning(name, settings):
     _, trace = driven(name, **settings)
-    assert not any("nowhere" in warning for warning in trace.attrs["warnings"])
+    assert not any(" created " in warning for warning in trace.attrs["warnings"])
 
 
 def test_the_net_form_gives_nothing_at_any_slip():
@@ -88,14 +95,14 @@ def test_the_net_form_gives_nothing_at_any_slip():
 @pytest.mark.parametrize(
     ("add", "settings", "message"),
     [
-        ("MultiPass", {}, [("MultiPass", "torque form")]),
+        ("MultiPass", {}, [("MultiPass", "torque")]),
         ("MultiPass", {"form": "net", "angles": "sinkage"}, []),
         ("DiggingMemory", {}, []),
         ("SlipSinkage", {"form": "gross"}, [("SlipSinkage", "spring")]),
         ("SkidSinkage", {"form": "net"}, [("SkidSinkage", "spring")]),
         ("SlipSoftening", {}, []),
         ("Ploughing", {}, []),
-        ("LoadExponent", {"form": "net"}, [("LoadExponent", "net form")]),
+        ("LoadExponent", {"form": "net"}, [("LoadExponent", "net")]),
     ],
 )
 def test_a_drive_notes_where_sinking_or_rising_costs_nothing(add, settings, message):
@@ -109,13 +116,15 @@ def test_traction_that_creates_energy_is_reported():
     for name in WHEELS:
         trace.channels[f"torque_{name}"] = 0.5 * trace[f"torque_{name}"]
     warning = energy_warning(model, trace)
-    assert "from nowhere" in warning
+    assert trace.attrs["traction_form"] in warning
     assert "account" not in warning
 
 
 @pytest.mark.parametrize("v", [1e-4, 1e-3, 0.04])
 def test_resistance_paid_by_a_pull_fades_with_travel_over_rim(v):
-    """One wheel at 1 rad/s under 20 N that pulls by 1 N and asks for no torque: all that it pulls with is a gift."""
+    """One wheel turns at 1 rad/s under 20 N, pulls by 1 N and needs no torque: the whole work of its pull is created
+    energy.
+    """
     model, trace = driven("flat", slip="algebraic", duration=0.1)
     (resists,) = (effect for effect in model.effects if isinstance(effect, MotionResistance))
     channels = {name: np.zeros(2) for name in trace.channels} | {"t_s": np.array([0.0, 2.0])}

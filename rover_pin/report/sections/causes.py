@@ -31,7 +31,7 @@ ESTIMATED = "estimated, not fitted"
 """Remark on a combination of causes without a fit: its probability and the sizes of its causes come from a linear
 estimate."""
 NO_INFORMATION = "the data contain no information on its size"
-NO_FIT = "no fit with it converged, however small it was"
+NO_FIT = "no fit with this cause converged, even if its size was small"
 
 
 def causes_section(verdict: Verdict, labels: Labels) -> Section | None:
@@ -209,7 +209,7 @@ def sensitivities(beliefs: Beliefs, named: tuple[str, ...]) -> dict[str, tuple[S
         unit = unit_of(hypothesis, cause, parameter)
         step, symbol = CLEAR_SDS * sd * parameter.scale, parameter.name.rpartition(".")[2]
         size = (
-            f"{symbol} off {format_value(parameter.origin, unit)} by {format_value(abs(step), unit)}"
+            f"{symbol} differs from {format_value(parameter.origin, unit)} by {format_value(abs(step), unit)}"
             if parameter.origin
             else f"{symbol} = {format_value(step, unit)}"
         )

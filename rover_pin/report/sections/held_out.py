@@ -147,7 +147,9 @@ def heldout_panel(scores: Sequence[ChannelScore], added: bool, labels: Labels) -
         changed = np.array([score.worded.outcome in (Outcome.BETTER, Outcome.WORSE) for score in ranked], dtype=bool)
         axis.hlines(places[changed], before[changed], after[changed], color=GREY, lw=1, zorder=1)
         axis.plot(after[changed], places[changed], "s", color=AFTER, ms=5, label="with added effects")
-        axis.plot(after[~changed], places[~changed], "s", color=AFTER, mfc="none", ms=5, label="no change to claim")
+        axis.plot(
+            after[~changed], places[~changed], "s", color=AFTER, mfc="none", ms=5, label="change within the scatter"
+        )
     axis.set_yticks(places, [figure_text(labels.channel(score.name)) for score in ranked], fontsize=8.5)
     axis.set_xscale("log")
     # A short axis has too few ticks at 1, 2 and 5 of a decade.

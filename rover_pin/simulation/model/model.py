@@ -354,7 +354,7 @@ def implausible(model: Model) -> tuple[str, ...]:
     place = model.built.model.inertias[1].lever
     return tuple(
         f"{names} puts the base's centre of mass at {axis} = {1e3 * centre:.0f} mm, outside the rover, whose bodies "
-        f"reach from {1e3 * least:.0f} to {1e3 * most:.0f} mm along {axis}: the cause is another one than an added "
+        f"reach from {1e3 * least:.0f} to {1e3 * most:.0f} mm along {axis}: the cause is not an added "
         "mass, or the URDF is wrong"
         for axis, centre, least, most in zip("xyz", place, low, high, strict=True)
         if not least <= centre <= most

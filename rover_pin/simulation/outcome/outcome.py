@@ -105,7 +105,8 @@ def drive_outcome(trace: Trace) -> DriveOutcome | None:
         _, swing = _swing(trace, paths)
         swing = swing and f"; {swing}"
         if distance < STILL_SHARE * paths.r:
-            return DriveOutcome("held", math.nan, f"held: not driven, it stood still to {1e3 * distance:.2g} mm{swing}")
+            text = f"held: not driven, and moved by only {1e3 * distance:.2g} mm{swing}"
+            return DriveOutcome("held", math.nan, text)
         direction = "forwards" if paths.travelled[-1] > 0.0 else "back"
         text = f"slid {direction} by {_length(distance)} without being driven, {_place(trace)}{swing}"
         return DriveOutcome("slid", math.nan, text)
@@ -131,7 +132,7 @@ def drive_outcome(trace: Trace) -> DriveOutcome | None:
             text = f"turns {sense} on the spot at {abs(rate):.2g} deg/s{slipping}, {place}"
             return DriveOutcome(kind, math.nan, text)
     time, travel, sideways = _late_motion(trace, paths)
-    across = f", sliding aside at {sideways / time:.2g} m/s" if sideways > ON_THE_SPOT * abs(travel) else ""
+    across = f", sliding sideways at {sideways / time:.2g} m/s" if sideways > ON_THE_SPOT * abs(travel) else ""
     # Slower than `_slid_back` requires, the rover moves against its duty.
     if travel < 0.0:
         kind, verb, travel = "slid back", "slides back, against its duty,", -travel
@@ -213,7 +214,7 @@ def _stopped(trace: Trace, paths: WheelPaths) -> DriveOutcome | None:
     after, how = float(paths.travelled[-1] - paths.travelled[end]), "not driven"
     if HELD_SINCE in trace.attrs:
         how = "held still"
-    text = f"{how} since {paths.t[end]:.1f} s, it moved on by {_length(after)}, {_place(trace)}"
+    text = f"{how} since {paths.t[end]:.1f} s, then moved on by {_length(after)}, {_place(trace)}"
     return DriveOutcome("stopped", float(paths.t[end]), text)
 
 
@@ -241,7 +242,7 @@ def _stalled(trace: Trace, paths: WheelPaths) -> DriveOutcome | None:
         given, drawn = (float(trace[name][-1] - trace[name][first]) for name in ("energy_motor", "energy_electric"))
         pace, share = 1e3 * crept / float(paths.t[-1] - paths.t[first]), 100.0 * abs(given) / drawn
         text = (
-            f"all but stalled {since}: the wheels creep at {pace:.2g} mm/s, {share:.2g} % of their speed without a "
+            f"nearly stalled {since}: the wheels creep at {pace:.2g} mm/s, {share:.2g} % of their speed without a "
             f"load at a duty of {duty:.2g}"
         )
     return DriveOutcome("stalled", float(paths.t[first]), f"{text}, {_place(trace)}{_turn_text(trace)}")
@@ -295,7 +296,9 @@ def _sliding(trace: Trace, paths: WheelPaths) -> DriveOutcome | None:
     time, travel, sideways = _late_motion(trace, paths)
     if sideways <= max(abs(travel), STILL_SHARE * paths.r):
         return None
-    text = f"slides aside at {sideways / time:.2g} m/s, its wheels travel at {travel / time:.2g} m/s, {_place(trace)}"
+    text = (
+        f"slides sideways at {sideways / time:.2g} m/s, its wheels travel at {travel / time:.2g} m/s, {_place(trace)}"
+    )
     return DriveOutcome("sliding", math.nan, text + _turn_text(trace))
 
 

@@ -185,8 +185,7 @@ def energy_warning(model: Model, trace: Trace) -> str:
         if extra.meanwhile > extra.traction:
             share = f", {100.0 * extra.traction / extra.meanwhile:.2g} % of the motors' work meanwhile"
         sentences.append(
-            f"the {form} form's traction gave {extra.traction:.2g} J from nowhere{share}: "
-            f"{REASONS.get(form, LAG_REASON)}"
+            f"the traction form {form} created {extra.traction:.2g} J of energy{share}: {REASONS.get(form, LAG_REASON)}"
         )
     if extra.soil > least:
         sentences.append(

@@ -93,8 +93,8 @@ def run_from(
         wheel = wheel_of(name)
         if wheels and wheel is not None and wheel not in wheels:
             raise DataError(
-                f"{table.path}: column '{name}' is of a wheel '{wheel}' that is not declared: {closest(wheel, wheels)} "
-                "Rename the column, or name all wheels as wheels = [...] in the log."
+                f"{table.path}: column '{name}' belongs to the wheel '{wheel}', which is not declared: "
+                f"{closest(wheel, wheels)} Rename the column, or name all wheels as wheels = [...] in the log."
             )
     # A unit for a column that is missing is a misspelt name.
     for name in units or {}:

@@ -202,8 +202,9 @@ def notes(model: Model) -> list[str]:
     if unpaid and any(traction.leaves_compaction_out for traction in tractions):
         names, form = f"{', '.join(unpaid)} change{'s' * (len(unpaid) == 1)}", tractions[0].form.name
         sentences.append(
-            f"{names} how deep wheels sink, but with the {form} form this costs or saves no energy, because the motion "
-            "resistance R does not change; with form=net and angles=sinkage, sinking costs energy."
+            f"{names} the sinkage of the wheels, but with the traction form {form} this neither costs nor saves "
+            "energy, because the motion resistance R does not change; with form=net and angles=sinkage, sinking costs "
+            "energy."
         )
     # The depth follows the present slip, so that a falling slip lifts the wheel without work.
     for effect in model.effects:
