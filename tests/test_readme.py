@@ -21,7 +21,7 @@ SMOOTH, SUPPLY = "commands.smooth_wheel", "commands.supply"
 CLAIMS = [
     f"sinkage error falls from {{{{ dec({SMOOTH}.before, 1) }}}} mm to {{{{ dec({SMOOTH}.after, 1) }}}} mm",
     f"probabilities {{{{ dec({SMOOTH}.exponent, 2) }}}} (slip-sinkage, n_1 = {{{{ printed({SMOOTH}, 'n_1', 2) }}}})",
-    f"and {{{{ dec({SMOOTH}.softening, 2) }}}} (softening)",
+    f"and {{{{ dec({SMOOTH}.softening, 2) }}}} (slip-softening)",
     "drives on at {{ commands.ditch.speed }} m/s",
     f"R_b = {{{{ dec({SUPPLY}.R_b, 2) }}}} ohm "
     f"[{{{{ dec({SUPPLY}.R_b_low, 2) }}}}, {{{{ dec({SUPPLY}.R_b_high, 2) }}}}]",
@@ -40,6 +40,8 @@ CLAIMS = [
             ("by the hole, on board", "the same, slip estimated on board"),
         )
     ),
+    "the answer contains this effect in {{ ' of '.join(blind.rigs.counts.named) }} cases",
+    "Without a hidden effect, {{ ' of '.join(blind.rigs.counts.alarms) }} cases are false alarms",
     "wheel rigs, {{ blind.rigs.sets }} sets | drive logs, {{ blind.logs.sets }} sets",
     *(
         "| " + " | ".join(f"{{{{ ' of '.join(blind.{part}.counts.{what}) }}}}" for part in ("rigs", "logs")) + " |"

@@ -15,7 +15,8 @@ from packaging.utils import canonicalize_name
 from rover_pin import __version__
 
 ROOT = Path(__file__).parents[1]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+DOCUMENT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECT, BUILD = DOCUMENT["project"], DOCUMENT["build-system"]["requires"]
 LOCKED = [line for line in (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
 
 
@@ -42,7 +43,8 @@ def test_each_locked_version_has_a_hash_and_is_allowed():
     locked = dict(re.fullmatch(r"([a-z0-9-]+)==(\S+) --hash=sha256:[0-9a-f]{64}", line).groups() for line in LOCKED)
     assert len(locked) == len(LOCKED)
     needs = [*PROJECT["dependencies"], *(line for lines in PROJECT["optional-dependencies"].values() for line in lines)]
-    for need in map(Requirement, needs):
+    # Without build isolation, pip does not install what builds the package; hatchling needs editables for `-e`.
+    for need in map(Requirement, [*needs, *BUILD, "editables"]):
         if need.name != PROJECT["name"]:
             assert need.specifier.contains(locked[canonicalize_name(need.name)]), need
 
@@ -71,4 +73,4 @@ def test_the_citation_has_this_version():
 def test_the_script_for_other_versions_refuses_an_unknown_word(which):
     ran = subprocess.run([".ci/versions", which], cwd=ROOT, capture_output=True, text=True, check=False)
     assert (ran.returncode, ran.stdout) == (2, "")
-    assert "lowest|newest" in ran.stderr
+    assert "locked|lowest|newest" in ran.stderr
