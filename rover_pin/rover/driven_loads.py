@@ -24,21 +24,20 @@ RANK_TOLERANCE = 1e-6
 combination of wheel loads with a smaller singular value leaves every balance of forces and moments unchanged, so that
 statics do not determine it."""
 MAX_OPEN_SHARE = 0.1
-"""Maximum component of a wheel (or of the sum of an axle) in a load combination that statics do not determine.
+"""Maximum share of a wheel (or of the sum of an axle) in a combination of loads that statics do not determine.
 
-Such a combination of wheel loads, scaled to unit length, leaves every balance of forces and moments unchanged, so that
-any multiple of it could be added to the loads. Up to this component, the load of the wheel counts as determined. Above
-this value, the load counts only as a part of a sum (`determinate_groups`). The value is assumed: a component of 0.1
-moves the load of the wheel by a tenth of the unknown amount."""
+A combination of wheel loads is not determined by statics if it leaves every balance of forces and moments unchanged, so
+that any multiple of it could be added to the loads. The combination is scaled to unit length, and the share of a wheel
+is its component. Up to this share, the load of the wheel counts as determined. Above this value, the load counts only
+as a part of a sum (`determinate_groups`). The value is assumed: with a share of 0.1, the unknown multiple changes the
+load of the wheel by a tenth of its amount."""
 SHARE_ROUNDS = 4
 """Number of iterations for the two ratios rho (motion resistance to load) and eta (side force to load) in
 `driven_loads`. Each iteration makes about one more digit correct."""
 
 
 class Footing(NamedTuple):
-    """The directions of the ground under each wheel, as unit vectors in the world, with one row for each of the n
-    wheels.
-    """
+    """The directions of the ground under each of the n wheels, as unit vectors in the world."""
 
     forward: np.ndarray
     """unit vectors along the ground, in the plane of each wheel [n, 3]"""
@@ -54,8 +53,7 @@ class Footing(NamedTuple):
 
 
 def configuration(rover: Rover, attitude: tuple[float, float, float], angles: Mapping[str, float]) -> np.ndarray:
-    """Return the configuration q [nq] of a rover from its attitude and its joint angles. The base is at the origin of
-    the world.
+    """Return the configuration q [nq] of a rover with the given attitude and joint angles, at the origin of the world.
 
     Parameters
     ----------
@@ -89,8 +87,7 @@ def configuration(rover: Rover, attitude: tuple[float, float, float], angles: Ma
 
 
 def turning(rotations: Sequence[np.ndarray], axles: np.ndarray) -> np.ndarray:
-    """Return the rotation [T, n] (rad) of the mount of each of the n wheels about the wheel's axle since the first of T
-    rows.
+    """Return the angle [T, n] (rad) by which the mount of each wheel has turned about its axle since the first row.
 
     A tachometer measures the rate of a wheel relative to its mount, but the motion of the rim over the ground also
     includes the rotation of the mount. If a matrix R rotates by less than half a turn, its rotation vector is (angle /
@@ -122,12 +119,13 @@ def footing(rover: Rover, q: np.ndarray) -> tuple[Footing, np.ndarray]:
     less accurate.
     """
     jacobians, (_, centres) = wheel_jacobians(rover, q), wheel_mounts(rover, q)
-    # The direction along each side runs from the wheel behind to the wheel ahead; an end wheel takes its own place.
+    # On each side, the direction runs from the wheel behind to the wheel ahead. At an end of the side, the wheel itself
+    # takes the place of the missing neighbour.
     along = np.empty_like(centres)
     for side in "lr":
         rows = [i for i, wheel in enumerate(rover.wheels) if wheel.side == side]
         along[rows] = centres[rows[:1] + rows[:-1]] - centres[rows[1:] + rows[-1:]]
-    # The axle is the axis of the wheel's own rate; the ground's direction is made perpendicular to it.
+    # The axle is the axis of the wheel's own rate. The direction of the ground is made perpendicular to the axle.
     left = np.array([J[3:, wheel.dof] for J, wheel in zip(jacobians, rover.wheels, strict=True)])
     left /= np.linalg.norm(left, axis=1)[:, None]
     along -= np.sum(along * left, axis=1)[:, None] * left
@@ -192,7 +190,7 @@ def driven_loads(rover: Rover, q: np.ndarray, torque: np.ndarray, foot: Footing,
 
 
 def determinate_groups(rover: Rover, foot: Footing, jacobians: np.ndarray) -> list[tuple[int, ...]]:
-    """Return groups of wheels (indices) such that statics determine the summed load of each group.
+    """Return groups of wheels (tuples of indices) whose summed loads are determined by statics.
 
     A group is a single wheel if statics determine its load, otherwise the wheels of an axle if statics determine their
     sum. All other wheels form the last group. A comparison with measured loads may use only the sums of these groups.

@@ -11,7 +11,7 @@ two places:
 * The rocker angles are relative to the base, so that G^T lambda already includes the reaction on the base. The sentence
   below Eq (8) can be read as if lambda were added to the base's torque N_0 once more, which would be wrong.
 * F_0 = -m_0 g in Eq (8) is the gravity of the base alone, so that the gravity of rockers, bogies and wheels must be
-  part of C. Here C includes the gravity of every body, the base among them.
+  part of C. Here C includes the gravity of every body, and of the base too.
 
 Accelerations follow Pinocchio's definition: the acceleration of the base is spatial and in body axes. The classical
 acceleration of the base's origin is R (a[:3] + omega x v[:3]), with the rotation R, the angular velocity omega and the
@@ -56,7 +56,7 @@ class Dynamics:
     def __init__(self, rover: Rover):
         self.rover, self.model = rover, rover.model
         self.data = self.model.createData()
-        # Pinocchio overwrites the arrays in `data` in place, so that these references always show the current centres.
+        # Pinocchio overwrites the arrays in `data` in place, so these references always hold the current centres.
         self._centres = [self.data.oMi[wheel.joint].translation for wheel in rover.wheels]
         # A wheel moves with the degrees of freedom of all joints that carry it.
         self._moves = np.zeros((len(rover.wheels), self.model.nv))
@@ -214,11 +214,11 @@ def wheel_jacobians(rover: Rover, q: np.ndarray) -> np.ndarray:
 
 
 def constraint_rows(rover: Rover, *, differential: bool = True) -> np.ndarray:
-    """Return the constraint matrix G of a rover [m, nv], with one row for each of the m constraints: G v = 0 holds for
-    every velocity v that the constraints allow.
+    """Return the constraint matrix G of a rover [m, nv], with one row for each of the m constraints.
 
-    If the rover has a differential and `differential` is true, the first row is v[left] + v[right] = 0. Each joint that
-    follows another joint has a row v[follower] - ratio v[leader] = 0.
+    A velocity v satisfies all constraints if G v = 0. If the rover has a differential and `differential` is true, the
+    first row states v[left] + v[right] = 0. For each joint that follows another joint, a row states v[follower] - ratio
+    v[leader] = 0.
     """
     pairs: list[tuple[int | None, int | None, float]]
     pairs = [(coupling.follower, coupling.leader, coupling.ratio) for coupling in rover.couplings]
@@ -228,8 +228,7 @@ def constraint_rows(rover: Rover, *, differential: bool = True) -> np.ndarray:
 
 
 def angle_rows(rover: Rover) -> np.ndarray:
-    """Return the constraint matrix for angles [m, nq]: its product with the configuration q is the violation of each
-    constraint [rad].
+    """Return the constraint matrix for angles [m, nq]. Its product with q is the violation of each constraint [rad].
 
     The rows are in the order of `constraint_rows`. The row of wheels that are tied together is zero, because such
     wheels have one common rate, but different angles.
@@ -299,8 +298,9 @@ def checked_array(name: str, value: np.ndarray, shape: tuple[int, ...]) -> np.nd
 
 
 def _checked_forces(rover: Rover, torques: np.ndarray, wheel_forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return joint torques [nv] and wheel forces [n, 6] as arrays of floats; they raise the ParameterError of
-    `checked_array`.
+    """Return joint torques [nv] and wheel forces [n, 6] as arrays of floats.
+
+    Raises ParameterError: an array has another shape or a number that is not finite (`checked_array`).
     """
     torques = checked_array("torques", torques, (rover.model.nv,))
     return torques, checked_array("wheel_forces", wheel_forces, (len(rover.wheels), 6))

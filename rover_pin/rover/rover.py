@@ -27,7 +27,8 @@ from rover_pin.rover.description.tree import read_tree
 
 SYMMETRY_TOLERANCE = 1e-6
 """Largest difference between the mass matrix of a mirror-symmetric rover and its mirror image, as a fraction of the
-largest entry."""
+largest entry. With a larger difference, the rover counts as asymmetric. Numbers in a URDF are often rounded to six
+digits, so smaller differences are round-off."""
 
 
 @dataclass(frozen=True)
@@ -64,10 +65,10 @@ class Differential(NamedTuple):
 
 
 class Coupling(NamedTuple):
-    """A joint that follows another joint, as in a parallel link: v[follower] = ratio v[leader], and this also holds for
-    the angles in q.
+    """A joint that follows another joint, as in a parallel link: v[follower] = ratio v[leader].
 
-    Wheels that are tied together share a rate but have no common angle, so that `q_follower` and `q_leader` are None.
+    The angles in q have the same ratio. Wheels that are tied together have one common rate but different angles, so
+    that their `q_follower` and `q_leader` are None.
     """
 
     follower: int
@@ -161,8 +162,9 @@ class Rover:
 
     @property
     def up(self) -> np.ndarray:
-        """Return the upward unit vector in the world [3], opposite to gravity. It is the z axis, unless gravity was
-        tilted by `rising`.
+        """Return the upward unit vector in the world [3], which is opposite to gravity.
+
+        The vector is the z axis, unless gravity was tilted by `rising`.
         """
         linear = np.array(self.model.gravity.linear)
         if not np.any(linear[:2]):
@@ -202,10 +204,11 @@ class Rover:
         return dataclasses.replace(self, model=model)
 
     def rising(self, rise_x: float, rise_y: float) -> Self:
-        """Return a copy of this rover in a world whose ground, which counts as level, rises towards +x and +y.
+        """Return a copy of this rover in a world whose ground is inclined and rises towards +x and +y.
 
-        Gravity is tilted instead of the ground: the gravity of the copy is -g (sin rise_x, sin rise_y, sqrt(1 - sin^2
-        rise_x - sin^2 rise_y)), where g is the magnitude of gravity.
+        The x-y plane of the world is the plane of the ground, so that gravity is tilted instead of the ground. The
+        gravity of the copy is -g (sin rise_x, sin rise_y, sqrt(1 - sin^2 rise_x - sin^2 rise_y)), where g is the
+        magnitude of gravity.
 
         Parameters
         ----------
@@ -217,7 +220,7 @@ class Rover:
         ParameterError
             The two slopes together leave no upward direction.
         """
-        # Level ground that rises is described by gravity that is not vertical in the frame of the ground.
+        # The sines of the two slopes are the horizontal components of the upward unit vector.
         x, y = math.sin(rise_x), math.sin(rise_y)
         if not (abs(rise_x) < math.pi / 2 and abs(rise_y) < math.pi / 2 and x * x + y * y < 1.0):
             raise ParameterError(
@@ -229,11 +232,12 @@ class Rover:
         return dataclasses.replace(self, model=model)
 
     def carrying(self, mass: float, shift_x: float = 0.0, shift_z: float = 0.0) -> Self:
-        """Return a copy of this rover with a payload on its base and a shifted centre of mass, at zero joint angles.
+        """Return a copy of this rover with a payload on its base and with a shifted centre of mass.
 
-        The payload is a point mass at the rover's centre of mass, so that the payload alone does not move this centre.
-        The base's own centre of mass is then moved until the rover's centre of mass has moved by the shift. The shift
-        does not change the inertia of the base about its own centre of mass.
+        Positions hold for zero joint angles. The payload is a point mass at the rover's centre of mass, so that the
+        payload alone does not move this centre. Then the base's own centre of mass is moved such that the rover's
+        centre of mass moves by the shift. The shift does not change the inertia of the base about its own centre of
+        mass.
 
         Parameters
         ----------
@@ -266,7 +270,7 @@ class Rover:
                 f"mass = {mass:g} kg is not allowed: the base would have an inertia that no body can have; give a mass "
                 "nearer to 0."
             )
-        # The base has only a part of the rover's mass, so that its own centre of mass must move further than the shift.
+        # The base has only a part of the rover's mass, so its own centre of mass must move further than the rover's.
         shift = (self.mass + float(mass)) / heavy * np.array([shift_x, 0.0, shift_z])
         model.inertias[1] = pin.Inertia(heavy, base.lever + from_old + shift, inertia)
         return dataclasses.replace(self, model=model)
@@ -320,8 +324,10 @@ def load_rover(rover: str | Path = "nexus6", trust: Trust = Trust()) -> Rover:
 
 @lru_cache(maxsize=16)
 def _cached_rover(path: Path, texts: tuple[str, ...], trust: Trust) -> Rover:
-    """Return the rover of a TOML file. The `texts` of the TOML and of the URDF are part of the cache's key, so that a
-    changed file is read again.
+    """Return the rover of a TOML file, from the cache if the file was read before.
+
+    `texts` are the contents of the TOML and of the URDF. They are part of the key of the cache, so that a changed file
+    is read again.
     """
     layout = read_layout(path, trust)
     refuse_faults(layout)
@@ -344,7 +350,7 @@ def load_named(rover: str, file: Path, trust: Trust = Trust()) -> Rover:
     Raises UrdfError: the name does not lead to a rover. If the TOML lies outside the folder of `file`, the error does
     not quote the content of the TOML, because the path came from data and may lead to a private file.
     """
-    # A path next to the file has priority over a name of the package.
+    # A file next to `file` has priority over a rover of the package with this name.
     beside = file.parent / rover
     path = beside if is_file(beside) else Path(rover)
     elsewhere = path.suffix != "" and not path.resolve().is_relative_to(file.parent.resolve())
@@ -361,10 +367,10 @@ def load_named(rover: str, file: Path, trust: Trust = Trust()) -> Rover:
 
 
 def assemble(layout: Layout) -> Rover:
-    """Return the rover that a layout describes (the roles of the joints, and the URDF). The layout is not checked for
-    faults.
+    """Return the rover that a layout describes. The layout consists of the URDF and the roles of its joints.
 
-    Call `refuse_faults` first: a URDF with faults leads to an error of Pinocchio, or to a wrong rover.
+    The layout is not checked for faults. Call `refuse_faults` first, because a URDF with faults leads to an error of
+    Pinocchio, or to a wrong rover.
     """
     # The model has a free base; the joints of the URDF get their roles from the layout.
     model = free_tree(layout.text)
@@ -410,9 +416,9 @@ def assemble(layout: Layout) -> Rover:
 def mirror(model: pin.Model, pairs: Sequence[tuple[str, str]]) -> Mirror:
     """Return the permutation and the signs of the mirror image of a velocity in the x-z plane of the base.
 
-    Angular velocities mirror as (-x, y, -z). The sign of a joint's rate therefore follows from the directions of its
-    axis and of its partner's axis at zero angles. The components v_y, omega_x and omega_z of the base's velocity change
-    sign.
+    The mirror image of an angular velocity (x, y, z) is (-x, y, -z). Therefore the sign of a joint's rate follows from
+    the directions of its axis and of its partner's axis at zero angles. The components v_y, omega_x and omega_z of the
+    base's velocity change sign.
 
     Parameters
     ----------
@@ -421,11 +427,11 @@ def mirror(model: pin.Model, pairs: Sequence[tuple[str, str]]) -> Mirror:
     pairs : sequence of (left, right)
         Names of joints that mirror each other; a joint in the middle is paired with itself.
     """
-    # Start with the base, whose motions are their own mirror images except for the sign.
+    # The mirror image of a motion of the base is the same motion, with or without a change of sign.
     perm, sign = np.arange(model.nv), np.ones(model.nv)
     sign[[1, 3, 5]] = -1.0
     axes = axes_at_zero(model)
-    # A joint's partner lies on the other side; the image of its axis decides the sign of the rate.
+    # The sign of a rate is +1 if the mirror image of the joint's axis points along the axis of its partner.
     for left, right in pairs:
         a, b = _dof(model, left), _dof(model, right)
         image = axes[a] * [-1.0, 1.0, -1.0]
@@ -435,11 +441,10 @@ def mirror(model: pin.Model, pairs: Sequence[tuple[str, str]]) -> Mirror:
 
 
 def is_symmetric(model: pin.Model, image: Mirror) -> bool:
-    """Return whether a rover's mass matrix equals its mirror image, so that left and right have equal masses at equal
-    distances from the middle.
+    """Return whether a rover's mass matrix equals its mirror image.
 
-    A drive on symmetric terrain may be computed with enforced symmetry (`symmetric` in `simulate`) only if this is
-    true.
+    The left side and the right side then have equal masses at equal distances from the middle. Only for such a rover, a
+    drive on symmetric terrain may be computed with enforced symmetry (`symmetric` in `simulate`).
     """
     # Pinocchio fills the upper triangle of the mass matrix only.
     upper = np.triu(pin.crba(model, model.createData(), pin.neutral(model), pin.Convention.WORLD))

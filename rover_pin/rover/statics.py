@@ -16,10 +16,11 @@ MAX_SLOPE = math.radians(80.0)
 """Largest slope of the plane [rad]. A steeper plane is refused: at 90 deg the forces that balance the weight would be
 infinite."""
 MIN_GAP = 1e-6
-"""Smallest height of a hanging wheel's lowest point above the ground [m]. A smaller height is round-off."""
+"""Smallest height of a hanging wheel's lowest point above the ground [m]. With a smaller height, the wheel counts as
+touching the ground, because the linear programme has a round-off of this size."""
 BALANCE_TOLERANCE = 1e-6
 """Largest residual of the static balance of a rover in equilibrium, as a fraction of its weight. A smaller residual is
-round-off; a larger one means that a pivot cannot be balanced."""
+round-off. A larger residual means that a pivot cannot be balanced, and raises an error."""
 
 
 def wheel_loads(
@@ -83,7 +84,7 @@ def wheel_loads(
             )
     if not 0.0 < gravity < 100.0:
         raise ParameterError(f"gravity = {gravity:g} m/s^2 is not allowed: it must lie in (0, 100) m/s^2.")
-    # The rover is tilted with the plane, so that the ground's normal is the third column of its rotation.
+    # The rover is tilted together with the plane, so the third column of its rotation is the normal of the plane.
     rover = rover.under(gravity)
     q = pin.neutral(rover.model)
     rotation = pin.utils.rotate("y", -slope) @ pin.utils.rotate("x", side_slope)
@@ -105,13 +106,13 @@ def wheel_loads(
     springs, rest_angles = stiffness[free], relaxed[free]
     unknown, rhs = supports, weight[free] - springs * rest_angles
     if np.any(springs):
-        # Further unknowns are the small angles of the sprung joints. Further equations keep every wheel on the ground
-        # and every constraint closed: no force does work at these angles (supports.T @ angles = 0).
+        # With springs, the small angles of the sprung joints are further unknowns. Further equations state that these
+        # angles lift no wheel off the ground and violate no constraint: supports.T @ angles = 0.
         still = np.zeros((supports.shape[1], supports.shape[1]))
         unknown = np.block([[supports, -np.diag(springs)], [still, supports.T]])
         rhs = np.concatenate([rhs, np.zeros(len(still))])
-    # The residual mixes forces [N] and moments [N m]. This matters little, because lengths are of order 1 m, and the
-    # residual of a rover that stands is zero.
+    # The residual contains forces [N] and moments [N m]. They may be compared with one tolerance, because lengths are
+    # of the order of 1 m, and the residual of a rover in equilibrium is zero.
     solution, *_ = np.linalg.lstsq(unknown, rhs, rcond=1e-10)
     if np.max(np.abs(unknown @ solution - rhs)) > BALANCE_TOLERANCE * rover.mass * gravity:
         raise ParameterError(
@@ -134,7 +135,7 @@ def hanging_wheels(rover: Rover) -> dict[str, float]:
 
     q, up = pin.neutral(rover.model), np.array([0.0, 0.0, 1.0])
     low = wheel_mounts(rover, q)[1][:, 2] - rover.radii
-    # Moving along x and y and turning about z change no height, so that these base motions are left out.
+    # Motions of the base along x and y and about z change no height, so these motions are left out.
     gaps, free = low - low.min(), [dof for dof in rover.free_dofs if dof not in (0, 1, 5)]
     weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)[free]
     lifts = _vertical_pushes(rover, q, up).T[:, free]

@@ -27,16 +27,15 @@ PLANE_TOLERANCE = 1e-3
 """Largest spread of the wheel centres across their common plane, divided by their spread along the plane. Beyond this
 value, a note states that the wheels are not on one plane."""
 STABILITY_SLOPE = 0.02
-"""Small slope [rad] on which a rover must be in static balance, as on level ground. A body that is only balanced on a
-free pivot is not in balance on this slope, so that the slope shows an unstable balance."""
+"""Small slope [rad] on which a rover must be in static balance, as on level ground. The slope reveals an unstable
+balance: a body that is balanced on a free pivot on level ground is not in balance on this slope."""
 
 
 @dataclass(frozen=True)
 class UrdfReport:
     """Result of `check_urdf`: faults, notes and facts about a rover.
 
-    A fault prevents the loading of a rover, or its equilibrium on level ground. A note is a hint that does not prevent
-    anything.
+    A fault prevents the loading of a rover, or its equilibrium on level ground. A note is only a hint.
     """
 
     file: str
@@ -76,7 +75,7 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
     """
     path = Path(path)
     try:
-        # A file that cannot be read has one fault, and no further checks are possible.
+        # If a file cannot be read, this is the only fault, because no further checks are possible.
         layout = None if path.suffix == ".urdf" else read_layout(path, trust)
         text = urdf_text(path) if layout is None else layout.text
         tree = read_tree(text, path.name if layout is None else layout.file)
@@ -97,15 +96,15 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
             if lifted:
                 problems = [
                     f"at rest on level ground wheel{'s' * (len(lifted) > 1)} {', '.join(lifted)} would have to be held "
-                    f"down ({float(np.min(level)):.3g} N), so that the rover tips over; move its wheels, or move its "
-                    "masses between the wheels."
+                    f"down ({float(np.min(level)):.3g} N), so the rover tips over; move its wheels, or move its "
+                    "centre of mass between the wheels."
                 ]
     if problems:
         return UrdfReport(path.name, _fold_sentences(tree.file, problems), (), (), loads)
     model = free_tree(text)
     folder = path.parent if layout is None else urdf_folder(path)
     notes = _fold_sentences(tree.file, list(_notes(tree, layout, model, folder)))
-    # The facts are sentences that a user can compare with the real rover: mass, size, and the roles of the joints.
+    # The facts state mass, size and the roles of the joints, so that a user can compare them with the real rover.
     mass = sum(body.mass for body in model.inertias)
     facts = [f"{mass:.4g} kg, joints {across(model):.3g} m across, {model.nv} degrees of freedom"]
     if layout is None:
@@ -119,12 +118,12 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
 
 
 def _fold_sentences(file: str, sentences: list[str]) -> tuple[str, ...]:
-    """Return the sentences, with the name of the file in front of each. Sentences that differ only in one quoted name
-    and in numbers are merged.
+    """Return the sentences with the name of the file at their beginning, after merging similar sentences.
 
-    Such sentences become the first of them, followed by the names of the others: "Likewise 'fr', 'rl'.".
+    Sentences that differ only in one quoted name and in numbers are merged: the first of them is kept, and the names in
+    the others follow, as in "Likewise 'fr', 'rl'.".
     """
-    # Sentences of one pattern are joined: the first is printed in full, and the others only by their names.
+    # The pattern of a sentence is its text without the quoted name and the numbers.
     groups: dict[str, list[str]] = {}
     for sentence in sentences:
         quoted_names = re.findall(r"'[^']*'", sentence)
@@ -146,11 +145,12 @@ def _notes(tree: UrdfTree, layout: Layout | None, model: pin.Model, folder: Path
         yield from layout.changes
         radii = {joint: float(axle.wheel.r) for axle in layout.axles for joint in axle.wheels}
         yield from (
-            f"{text}; they are driven as if motors turned them." for text in passive_wheels(Topology(tree), radii)
+            f"{text}; the simulation drives them as if they had motors."
+            for text in passive_wheels(Topology(tree), radii)
         )
         yield from visual_against_collision(tree, layout.wheel_joints)
-        # The names of the wheels' joints, or else of their links, may state another end (front, rear) or side (left,
-        # right) than the TOML. The TOML has its axles from front to rear along x, each with left at +y and right at -y.
+        # The names of the wheels' joints or links can contradict the TOML about the end (front, rear) or the side
+        # (left, right). In the TOML, the axles are ordered from front to rear along x, with left at +y.
         centres = np.array([[-float(axle), y, 0.0] for axle in range(len(layout.axles)) for y in (1.0, -1.0)])
         joints = {joint.name: joint for joint in tree.joints}
         for names in (layout.wheel_joints, [joints[name].child for name in layout.wheel_joints]):
@@ -165,7 +165,7 @@ def _notes(tree: UrdfTree, layout: Layout | None, model: pin.Model, folder: Path
             yield f"joint '{joint.name}' has <dynamics>, which is not used; friction is an effect of the model."
     if layout is None:
         yield "without a TOML only the URDF itself was checked; write a TOML that states which joints are wheels."
-    # A mesh outside the package's folder is not read, so that it is missing in the views.
+    # A mesh outside the folder of the URDF's package is not read, so the views do not show it.
     meshes = dict.fromkeys(mesh for link in tree.links for mesh in link.meshes)
     missing = [mesh for mesh in meshes if mesh_file(mesh, folder) is None]
     if missing:
@@ -176,7 +176,10 @@ def _notes(tree: UrdfTree, layout: Layout | None, model: pin.Model, folder: Path
     if layout is None:
         return
     if not is_symmetric(model, mirror(model, layout.pairs)):
-        yield "its left and right side differ in place or mass; `symmetric` drives are not possible with this rover."
+        yield (
+            "its left and right sides differ in positions or masses; drives with the option `symmetric` are not "
+            "possible with this rover."
+        )
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     centres = np.array([data.oMi[model.getJointId(joint)].translation for joint in layout.wheel_joints])

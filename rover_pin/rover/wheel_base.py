@@ -1,4 +1,4 @@
-"""Geometry of a rover: positions of the wheels, wheel base and track, effective track in a turn, and extent of the
+"""Geometry of a rover: positions of the wheels, wheelbase and track, effective track in a turn, and size of the
 bodies.
 """
 
@@ -40,8 +40,9 @@ def wheel_places(rover: Rover) -> dict[str, np.ndarray]:
 def corners(rover: Rover) -> np.ndarray:
     """Return the four corners of the rectangle between the wheels, in the base frame (m), as an array [2, 2, 2].
 
-    The indices of the array are (front, back), (left, right) and (x, y). The front is the x of the foremost wheels, the
-    back the x of the rearmost wheels, and left and right are the mean y of the wheels of a side.
+    The indices of the array are (front, back), (left, right) and (x, y). The x of the front corners is the x of the
+    foremost wheels, and the x of the back corners is the x of the rearmost wheels. The y of a corner is the mean y of
+    the wheels of its side.
     """
     places = wheel_places(rover)
     xs = [place[0] for place in places.values()]
@@ -59,12 +60,12 @@ def effective_track(rover: Rover, resistance: float = 0.0) -> float:
     """Return the effective track B' [m] of a rover that turns by different speeds of its two sides (skid steering).
 
     A skid-steered rover yaws more slowly than its wheel speeds and its track B suggest, because its wheels are dragged
-    sideways. B' is the track of a rover without slip that yaws at this rate with these wheel speeds.
+    sideways. B' is the track of a rover without slip that would yaw at the same rate with the same wheel speeds.
 
-    At the yaw rate Omega, a wheel at x from the middle of the axles slides by Omega x across its heading and by Omega s
-    along its heading, where s is the unknown. All wheels carry equal loads; the friction coefficient mu acts against
-    the direction of sliding, and the coefficient R of motion resistance acts against rolling. In a turn on the spot the
-    moments of all wheels balance:
+    At the yaw rate Omega, a wheel at the distance x ahead of the middle of the axles slides sideways with the speed
+    Omega x and along its heading with the speed Omega s, where s is the unknown. All wheels carry equal loads. Friction
+    with the coefficient mu acts against the direction of sliding, and motion resistance with the coefficient R acts
+    against rolling. In a turn on the spot the moments of all wheels balance:
 
         sum over wheels of ((s B / 2 - x^2) / sqrt(s^2 + x^2) - R B / (2 mu)) = 0,  B' = B + 2 s
 
@@ -96,7 +97,7 @@ def effective_track(rover: Rover, resistance: float = 0.0) -> float:
     if not 0.0 <= resistance < 1.0:
         raise ParameterError(
             f"Rover '{rover.name}' has no steered wheel, and its motion resistance is {resistance:.3g} times the "
-            "friction that the soil can bear, so that it does not turn by the speeds of its sides. Lower the motion "
+            "friction of the soil, so that different speeds of its sides do not turn the rover. Lower the motion "
             "resistance R, or give the effective track as control.track."
         )
     # x is the distance of each wheel from the middle of the axles.
@@ -104,8 +105,9 @@ def effective_track(rover: Rover, resistance: float = 0.0) -> float:
     x, track = np.abs(length - np.mean(length)), base_of(rover).track
 
     def moment(s: float) -> float:
-        """Return the sum of the wheels' moments about the middle of the axles, divided by mu times a wheel's load [m],
-        in a turn on the spot. It is 0 for the sought value of s; `effective_track` defines s and mu.
+        """Return the sum of the wheels' moments about the middle of the axles, divided by mu and a wheel's load [m].
+
+        The rover turns on the spot, and the sum is 0 for the sought value of s. `effective_track` defines s and mu.
         """
         return float(np.sum((0.5 * s * track - x**2) / np.maximum(np.hypot(s, x), 1e-12) - 0.5 * resistance * track))
 
@@ -116,12 +118,13 @@ def effective_track(rover: Rover, resistance: float = 0.0) -> float:
 
 @lru_cache(maxsize=16)
 def reach_of(rover: Rover) -> tuple[np.ndarray, np.ndarray]:
-    """Return the corner of smallest and the corner of largest (x, y, z) of the box around the rover's bodies, [3] and
-    [3] (m), with all joints at zero.
+    """Return the box around the rover's bodies as two corners: the smallest (x, y, z) and the largest (x, y, z), each
+    [3] (m).
 
-    Coordinates are in the base's axes. The shapes of the URDF are not needed: each body is taken as large as the
-    uniform cuboid with its mass m and inertia J. Along axis i such a cuboid extends sqrt(3 S_ii / m) to either side of
-    its centre, where S = tr(J) / 2 - J is the second moment of its mass. Source: rigid-body statics.
+    All joint angles are zero, and coordinates are in the base's axes. The shapes of the URDF are not needed, because
+    each body is replaced by the uniform cuboid with its mass m and its inertia J. Along axis i such a cuboid extends
+    sqrt(3 S_ii / m) to either side of its centre, where S = tr(J) / 2 - J is the second moment of its mass. Source:
+    rigid-body statics.
     """
     model, data = rover.model, rover.model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))

@@ -160,7 +160,7 @@ def test_a_mesh_gives_the_size_where_it_can_be_read(tmp_path):
     named = re.sub('name="([fr][lr])"', r'name="wheel_\1"', text)
     poor = proposed(tmp_path / "pkg", named)
     assert poor["wheel"]["r"] == pytest.approx(0.15 * math.sqrt(0.2), rel=1e-3)
-    assert "poor measure" in (tmp_path / "pkg" / "own.toml").read_text()
+    assert "solid cylinder" in (tmp_path / "pkg" / "own.toml").read_text()
 
 
 def test_every_guess_is_marked_and_the_rover_drives(tmp_path):

@@ -14,10 +14,11 @@ from rover_pin.base.files.private_folders import digest_of, is_cached, remember
 from rover_pin.rover.description.tree import UrdfTree
 
 CONFIGURATIONS = 5
-"""Number of random configurations at which the placements by the two libraries are compared."""
+"""Number of random configurations at which the placements by the two libraries are compared. A wrong axis or origin
+already shows at one random configuration; the others exclude a chance agreement."""
 PLACEMENT_TOLERANCE = 1e-6
-"""Largest difference between two equal placements of a link (positions in m, entries of rotation matrices). A larger
-difference is reported as a fault of the URDF."""
+"""Largest difference between two placements of a link that count as equal (positions in m, entries of rotation
+matrices). A larger difference is reported as a fault of the URDF. Round-off is smaller by many powers of ten."""
 
 
 def free_tree(text: str) -> pin.Model:
@@ -41,10 +42,11 @@ def axes_at_zero(model: pin.Model) -> np.ndarray:
 
 
 def reader_faults(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
-    """Yield a fault for the first link that Pinocchio and yourdfpy, which both read the URDF, place differently at
-    random joint angles.
+    """Yield a fault if Pinocchio and yourdfpy, which both read the URDF, place a link differently at random joint
+    angles.
 
-    If both libraries agree, this is remembered on disk, because importing and running yourdfpy takes half a second.
+    Only the first such link is reported. If both libraries agree, this result is stored on the disk, because importing
+    and running yourdfpy takes half a second.
 
     Parameters
     ----------
@@ -74,8 +76,8 @@ def reader_faults(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
     rng = np.random.default_rng(6)
     moving = [joint for joint in tree.joints if joint.moves]
     for _ in range(CONFIGURATIONS):
-        # Random angles are within 1 rad. Followers get the angle that their <mimic> states, because yourdfpy moves them
-        # so, whatever angle it is given.
+        # Random angles are within 1 rad. A joint with a <mimic> gets the angle that the <mimic> states, because
+        # yourdfpy ignores any other angle for this joint.
         angles = {joint.name: float(rng.uniform(-1.0, 1.0)) for joint in moving}
         for joint in moving:
             if joint.mimic is not None:

@@ -16,12 +16,14 @@ from rover_pin.rover.description.tree import Body, Joint, Shape, UrdfTree
 
 MAX_OFFSET = 0.5
 """Largest distance between a joint and the axis of a cylinder that may be its wheel, divided by the cylinder's radius.
-A cylinder further away is not regarded as a wheel."""
+A cylinder at a larger distance does not count as a wheel, because a wheel turns about its own axis. The value allows
+for inaccurate drawings."""
 MAX_LENGTH = 4.0
 """Largest length of a cylinder that may be a wheel, divided by its radius. Longer cylinders are spokes or axles."""
 MIN_RIM = 0.8
 """Smallest radius of a cylinder that counts as the rim of a wheel, as a fraction of the radius of the largest cylinder.
-Smaller cylinders are hubs. The same number is the smallest ratio of the two smaller moments of inertia of a disc."""
+Smaller cylinders are hubs or motors. The same number is the smallest ratio of the two smaller moments of inertia of a
+disc, which are equal for a perfect disc."""
 MIN_DISC_RATIO = 1.3
 """Smallest ratio of a disc's moment of inertia about its axis to the larger of its two other moments. If the ratio is
 smaller, as for a wide wheel, the inertia does not show the axis."""
@@ -126,7 +128,7 @@ def _drawings(tree: UrdfTree, joint: Joint) -> tuple[list[str], list[Cylinder]]:
                 direction, centre = placement[:3, 2], placement[:3, 3]
                 if np.linalg.norm(np.cross(direction, centre)) <= MAX_OFFSET * shape.size[0]:
                     cylinders.append(Cylinder(name, drawn, shape.size[0], direction))
-        # The largest cylinders are the rim; a hub may be a cylinder across it.
+        # Only the largest cylinders are compared with the axis, because a hub may be a cylinder in another direction.
         cylinders.sort(key=lambda cylinder: -cylinder.radius)
         others = {shape.kind for shape in _shapes_of(tree, joint) if shape.drawn == drawn} - {"cylinder", "box"}
         if not cylinders or others:

@@ -26,12 +26,13 @@ MAX_STOP = 10.0
 """Largest angle of a stop [rad] that is accepted. A larger angle (up to UNLIMITED) is refused, because it is probably
 in degrees."""
 KINDS = ("fixed", "revolute", "continuous")
-"""The types of joints that the URDF of a rover may have."""
+"""The types of joints that the URDF of a rover may have. Joints of other types must be held in the TOML."""
 
 
 def refuse_faults(layout: Layout) -> None:
-    """Raise UrdfError if a rover's URDF has faults. The error states the first fault and the number of further
-    faults.
+    """Check that a rover's URDF has no fault.
+
+    Raises UrdfError: the URDF has faults. The error states the first fault and the number of further faults.
     """
     tree = read_tree(layout.text, layout.file)
     faults = faults_of(tree, layout.text, layout)
@@ -41,8 +42,10 @@ def refuse_faults(layout: Layout) -> None:
 
 
 def faults_of(tree: UrdfTree, text: str, layout: Layout | None) -> list[str]:
-    """Return the faults of a URDF, one sentence for each. Only the faults of the first stage that finds a fault are
-    returned, because later stages need a URDF without these faults.
+    """Return the faults of a URDF, one sentence for each.
+
+    The checks run in stages. If a stage finds faults, later stages do not run, because they need a URDF without these
+    faults.
 
     Parameters
     ----------
@@ -51,7 +54,7 @@ def faults_of(tree: UrdfTree, text: str, layout: Layout | None) -> list[str]:
     layout : Layout or None
         The roles of the joints, from the rover's TOML; None to check only the URDF itself.
     """
-    # Stage 1 is the tree itself, and stage 2 masses, roles and drawn axes. Stage 2 needs links that form a tree.
+    # Stage 1 checks the tree of links and joints. Stage 2 checks masses, roles and drawn axes, and needs a valid tree.
     faults = list(structure_faults(tree))
     if not faults:
         faults = list(inertia_faults(tree))
@@ -65,8 +68,8 @@ def faults_of(tree: UrdfTree, text: str, layout: Layout | None) -> list[str]:
             faults += axis_against_drawing(tree, might_be_wheels(tree))
     if faults:
         return faults
-    # Stage 3 is Pinocchio's model: units and axes are checked by it. Last, yourdfpy must place the links as Pinocchio
-    # does.
+    # Stage 3 builds Pinocchio's model, and checks units and axes on it. At last, yourdfpy must place the links in the
+    # same positions as Pinocchio.
     try:
         model = free_tree(text)
     except Exception as error:  # Pinocchio raises its own errors for faults that the stages above do not know
@@ -97,7 +100,7 @@ def structure_faults(tree: UrdfTree) -> Iterator[str]:
         return
     yield from name_faults(tree)
     for joint in tree.joints:
-        # The type of the joint comes first, because its other faults depend on the type.
+        # The links and the type of the joint are checked first, because the other faults depend on them.
         yield from missing_links(tree, joint)
         if joint.kind in ("floating", "planar"):
             yield (
@@ -124,7 +127,7 @@ def structure_faults(tree: UrdfTree) -> Iterator[str]:
         # Stops in degrees would be tens or hundreds of radians; numbers beyond UNLIMITED mean no stop.
         furthest = max((abs(limit) for limit in joint.limits if abs(limit) < UNLIMITED), default=0.0)
         if furthest > MAX_STOP:
-            yield f"joint '{joint.name}' has a limit of {furthest:g} rad; give radians, not degrees."
+            yield f"joint '{joint.name}' has a limit of {furthest:g} rad; give the limit in radians, not in degrees."
         # A <mimic> must name an existing joint.
         others = [tree_joint.name for tree_joint in tree.joints]
         if joint.mimic is not None and joint.mimic.joint not in others:
@@ -143,13 +146,16 @@ def structure_faults(tree: UrdfTree) -> Iterator[str]:
     if len(roots) > 1:
         names = ", ".join(f"'{root}'" for root in roots)
         yield (
-            f"links {names} are no joint's children, but only the base may be without a parent: join the other links "
-            "to the base or delete them."
+            f"links {names} have no parent, but only the base may be without a parent: connect the other links to the "
+            "base by joints, or delete them."
         )
     elif not roots:
-        yield "every link is another link's child, in a ring; one link, the base, must be no joint's child."
+        yield "every link is the child of a joint, so the links form a ring; one link, the base, must have no parent."
     elif lost := sorted({link.name for link in tree.links} - set(tree.placements)):
-        yield f"link '{lost[0]}' cannot be reached from the base '{roots[0]}'; join it to the base or delete it."
+        yield (
+            f"link '{lost[0]}' is not connected to the base '{roots[0]}'; connect it to the base by a joint, or delete "
+            "it."
+        )
 
 
 def name_faults(tree: UrdfTree) -> Iterator[str]:
@@ -157,7 +163,7 @@ def name_faults(tree: UrdfTree) -> Iterator[str]:
     for kind, names in (("links", [link.name for link in tree.links]), ("joints", [j.name for j in tree.joints])):
         for name, times in Counter(names).items():
             if times > 1:
-                yield f"{times} {kind} are called '{name}'; give each a different name."
+                yield f"{times} {kind} are called '{name}'; give each of them a different name."
 
 
 def missing_links(tree: UrdfTree, joint: Joint) -> Iterator[str]:
@@ -268,8 +274,10 @@ def _coupling_faults(joint: Joint, layout: Layout) -> Iterator[str]:
 
 
 def axis_faults(layout: Layout, model: pin.Model, axes: np.ndarray) -> Iterator[str]:
-    """Yield the faults in the geometry of a rover: a joint whose axis has a wrong direction, a wheel on the wrong side,
-    axles in a wrong order, a base whose z axis points down.
+    """Yield the faults in the geometry of a rover.
+
+    Such faults are a joint whose axis has a wrong direction, a wheel on the wrong side, axles in a wrong order, and a
+    base whose z axis points down.
 
     Parameters
     ----------

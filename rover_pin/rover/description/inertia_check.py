@@ -23,7 +23,7 @@ The smallest value is used for links without a primitive shape. The largest valu
 links have only a tiny shape."""
 MAX_SMALL_PART = 0.1
 """Largest mass of a small part, as a fraction of the mass of its rigid body. An impossible inertia of a small part is
-not a fault but only a note, because it matters little."""
+only noted and is no fault, because it hardly changes the motion of the rigid body."""
 
 
 def inertia_faults(tree: UrdfTree) -> Iterator[str]:
@@ -31,7 +31,8 @@ def inertia_faults(tree: UrdfTree) -> Iterator[str]:
     mass.
     """
     by_name = {link.name: link for link in tree.links}
-    # A URDF without any mass is a drawing; one sentence is clearer than one for each link.
+    # If no link has a mass, the URDF is only a drawing. One sentence about this is clearer than a sentence for each
+    # link.
     if not any(link.body is not None and link.body.mass != 0.0 for link in tree.links):
         yield (
             f"none of its {len(tree.links)} links has a mass, so that the URDF is only a drawing; give every moving "
@@ -58,14 +59,15 @@ def inertia_notes(tree: UrdfTree) -> Iterator[str]:
     for link in tree.links:
         if link.body is not None and link.name in small:
             for fault in _body_faults(link.name, link.body):
-                yield f"{fault[:-1]}; it is a small part of a body without faults, so that it is only noted."
+                yield f"{fault[:-1]}; the link is a small part of a body without faults, so this is only a note."
 
 
 def small_parts(tree: UrdfTree) -> set[str]:
-    """Return the names of the links whose mass is at most the fraction MAX_SMALL_PART of the mass of their rigid body,
-    a group of links that are fixed to each other.
+    """Return the names of the links that are small parts of their rigid bodies.
 
-    If mass and inertia of the whole rigid body are impossible, none of its links is returned.
+    A rigid body is a group of links that are fixed to each other. The mass of a small part is at most the fraction
+    MAX_SMALL_PART of the mass of the rigid body. If the mass or the inertia of the whole rigid body is impossible, none
+    of its links is returned.
     """
     bodies = {link.name: link.body for link in tree.links if link.body is not None}
     places, small_links = tree.placements, set()

@@ -1,8 +1,8 @@
-"""Rewriting of a URDF for drives. Joints that the TOML holds become fixed, the axes of wheels (and of rockers and
-steering joints) get one common direction, and each group of coupled joints gets one leading joint.
+"""Rewrite a URDF into the form that drives need.
 
-Pinocchio, viewers and drives all read the text that `normalise_urdf` returns. A URDF that needs no change is returned
-byte for byte; otherwise each change is reported in one sentence.
+Joints that the TOML holds become fixed. The axes of wheels, rockers and steering joints get common directions. Each
+group of coupled joints gets one leading joint. Pinocchio, viewers and drives all read the text that `normalise_urdf`
+returns. If no change is needed, the URDF is returned byte for byte; otherwise each change is reported in one sentence.
 """
 
 import math
@@ -27,8 +27,9 @@ MOTION_ELEMENTS = ("axis", "limit", "mimic", "dynamics", "safety_controller", "c
 
 @dataclass(frozen=True)
 class JointForms:
-    """Everything that a rover's TOML states about the joints of its URDF: the role of each joint, and whether it is
-    held at an angle, coupled to another joint, or removed.
+    """The statements of a rover's TOML on the joints of its URDF.
+
+    A joint has a role (wheel, steering, pivot), or it is held at an angle, coupled to another joint, or removed.
     """
 
     base: str
@@ -194,7 +195,7 @@ def _follow(joint: ET.Element, leader: str, ratio: float) -> None:
 
 
 def _hold_joints(robot: _Robot, forms: JointForms) -> Iterator[str]:
-    """Fix the joints that the TOML holds, and all joints that follow them, at their angles; yield a sentence about the
+    """Fix the joints that the TOML holds, and all joints that follow them, at their angles. Yield a sentence about this
     change.
     """
     for name in forms.held_joints:
@@ -218,7 +219,8 @@ def _hold_joints(robot: _Robot, forms: JointForms) -> Iterator[str]:
                 f"{where} = {value:g} {unit} is beyond its stops; hold it within [{low:g}, {high:g}] {unit}."
             )
         values[name] = value
-    # A chain of followers has as many members as there are joints or fewer, so that this many passes reach its end.
+    # A joint can follow a joint that follows a held joint, and so on. Each pass fixes at least the next joint of such a
+    # chain, so as many passes as there are joints reach its end.
     for _ in tree.joints:
         for joint in tree.joints:
             if joint.mimic is not None and joint.mimic.joint in values and joint.name not in values:
@@ -258,11 +260,11 @@ def _set_origin(element: ET.Element, placement: np.ndarray) -> None:
 
 
 def _add_base_frame(robot: _Robot, forms: JointForms) -> Iterator[str]:
-    """Add a new root link whose frame is the base frame of the rover, if the root link of the URDF has another frame;
-    yield a sentence about the change.
+    """Add a new root link in the base frame of the rover, if the root link of the URDF has another frame. Yield a
+    sentence about this change.
 
-    The position and attitude of a drive are the position and attitude of the root link. The TOML may name another link
-    as the base that is fixed to the root link, and may turn the base's axes by base_rpy.
+    The position and attitude of a drive are the position and attitude of the root link. In the TOML, the base can be
+    another link that is fixed to the root link, and base_rpy can turn its axes.
     """
     # Without a single root link there is no tree, and without a turned base nothing needs to change.
     tree = robot.tree
@@ -304,7 +306,8 @@ def _turn_axes(robot: _Robot, forms: JointForms) -> Iterator[str]:
                 unit = joint.axis / np.linalg.norm(joint.axis)
                 if (places[joint.child][:3, :3] @ unit)[direction] <= -ALONG:
                     wrong.append(name)
-        # With the axis of a joint reversed, its stops and the ratios of all <mimic> elements that name it change too.
+        # If the axis of a joint is reversed, its stops and the ratios of all <mimic> elements that name it must change
+        # too.
         for name in wrong:
             element = robot.joints[name]
             axis = element.find("axis")
@@ -339,8 +342,8 @@ def _turn_axes(robot: _Robot, forms: JointForms) -> Iterator[str]:
 def _follow_one_leader(
     joints: Mapping[str, ET.Element], differential: tuple[str, str] | None, file: str
 ) -> Iterator[str]:
-    """Rewrite the `<mimic>` elements so that all joints of a group follow one leading joint directly; yield a sentence
-    for each change.
+    """Rewrite the `<mimic>` elements such that all joints of a group follow one leading joint directly. Yield a
+    sentence for each change.
 
     A URDF may chain such relations in any order, but the equation of motion (Eq (8) of the paper) needs one constraint
     row for each follower, with one common leader of the group. The left rocker of the differential leads all joints
@@ -398,7 +401,7 @@ def _follow_one_leader(
 
 
 def _ratios(leader: str, relations: list[Relation], file: str) -> dict[str, float]:
-    """Return, for all joints of a leader's group, name of the joint -> its angle divided by the angle of the leader.
+    """Return the ratios of all joints in a leader's group: name of the joint -> its angle divided by the leader's.
 
     Raises UrdfError: two chains of relations from the leader to a joint give different ratios.
     """

@@ -1,4 +1,4 @@
-"""Reading of a rover's TOML, which states the role of each joint of the URDF, the wheel sizes, springs, motor and soil.
+"""Read a rover's TOML, which states the role of each joint of the URDF, the wheel sizes, springs, motor and soil.
 
 `read_layout` reads the TOML and the URDF that it names; `Layout` is the result.
 """
@@ -26,12 +26,12 @@ KEYS = (
     *("name", "urdf", "base", "base_rpy", "cut", "tied_sides", "wheels", "wheel", "steering", "suspension"),
     *("differential", "coupled", "held", "springs", "motor", "soil"),
 )
-"""All keys that a rover's TOML may have."""
+"""All keys that a rover's TOML may have. Any other key is refused."""
 NEEDED = ("name", "urdf", "base", "wheels", "wheel")
-"""The keys that a rover's TOML must have."""
+"""The keys that a rover's TOML must have. A TOML without one of them is refused."""
 
 
-UNSTATED = "a data sheet has it: see [motor] in the rover's TOML"
+UNSTATED = "the data sheet of the motor: see [motor] in the rover's TOML"
 """Source that is shown for the two numbers of a motor that have no default, because every data sheet states them."""
 
 
@@ -54,8 +54,8 @@ class MotorSheet(Record):
     stall_torque: Scalar = quantity(1.0, "N m", UNSTATED, 1e-6, 1e5)
     no_load_speed: Scalar = quantity(2.0, "rad/s", UNSTATED, 1e-3, 1e5)
     voltage: Scalar = quantity(12.0, "V", "assumed: only currents depend on it", 0.1, 1e3)
-    gear: Scalar = quantity(1.0, "", "assumed: the sheet is of the geared motor's output", 1e-2, 1e5)
-    efficiency: Scalar = quantity(1.0, "", "assumed: the sheet is of the geared motor's output", 0.05, 1.0)
+    gear: Scalar = quantity(1.0, "", "assumed: the data sheet describes the output of a gear motor", 1e-2, 1e5)
+    efficiency: Scalar = quantity(1.0, "", "assumed: the data sheet describes the output of a gear motor", 0.05, 1.0)
     rotor_inertia: Scalar = quantity(0.0, "kg m^2", "assumed: none", 0.0, 10.0)
 
 
@@ -208,7 +208,7 @@ def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
     forms = read_forms(table, where, axles, suspension, differential)
     named = {*forms.wheels, *forms.steering, *(joint for joints in suspension.values() for joint in joints)}
 
-    # The URDF lies next to the TOML, and is rewritten into the form that the equation of motion needs.
+    # The URDF, which lies next to the TOML, is rewritten into the form that the equation of motion needs.
     urdf = _urdf(path, table["urdf"], trust)
     if not is_file(urdf):
         raise UrdfError(f"{where}: there is no file '{urdf.name}' next to the TOML; correct 'urdf'.")
@@ -244,10 +244,10 @@ def urdf_folder(path: Path) -> Path:
 
 
 def layout_texts(path: Path, trust: Trust = Trust()) -> tuple[str, ...]:
-    """Return the texts of a rover's TOML and of its URDF. A rover in the cache is used again only if these texts have
-    not changed.
+    """Return the texts of a rover's TOML and of its URDF.
 
-    If a file cannot be read, the result is empty; `read_layout` then raises an error with the reason.
+    A rover in the cache is used again only if these texts have not changed. If a file cannot be read, the result is
+    empty; `read_layout` then raises an error with the reason.
     """
     try:
         table = _table(path)
@@ -257,8 +257,9 @@ def layout_texts(path: Path, trust: Trust = Trust()) -> tuple[str, ...]:
 
 
 def _urdf(path: Path, name: Any, trust: Trust) -> Path:
-    """Return the path of the URDF that a TOML names. An error is raised if the URDF lies in a folder that `trust` does
-    not allow.
+    """Return the path of the URDF that a TOML names.
+
+    Raises UrdfError: the URDF lies in a folder that `trust` does not allow.
     """
     try:
         return trust.within(path.parent, name, f"{path.name}: urdf")
@@ -363,8 +364,7 @@ def read_forms(
     suspension: Mapping[str, tuple[str, ...]],
     differential: tuple[str, str] | None,
 ) -> JointForms:
-    """Return the statements of a rover's TOML on the joints of the URDF: their roles, and which of them are held,
-    coupled or removed.
+    """Return the statements of a rover's TOML on the joints of the URDF: roles, held, coupled and removed joints.
 
     Parameters
     ----------

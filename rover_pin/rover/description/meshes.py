@@ -1,4 +1,4 @@
-"""Reading of the meshes that a URDF names. A mesh is read only if it lies in the URDF's package or folder, has a known
+"""Read the meshes that a URDF names. A mesh is read only if it lies in the URDF's package or folder, has a known
 format, and is not too large.
 
 Archives (.zip, .3mf, .zae, .gz) and scenes (.gltf, .glb) are not read, because an archive may unpack to any size, and a
@@ -22,13 +22,14 @@ MAX_MESH_BYTES = 64 * MIB
 """Largest size of a mesh file [bytes]. A larger file is refused, because trimesh needs about ten times the file's size
 in memory for STL, and twenty times for OBJ."""
 MAX_CORNERS = MAX_MESH_BYTES // 16
-"""Largest number of triangle corners in a mesh file; a shape that is placed several times counts several times. It is
-about the number of corners in an STL file of the largest size, which has 16.7 bytes for each corner."""
+"""Largest number of triangle corners in a mesh file; a shape that is placed several times counts several times. A mesh
+with more corners is refused. An STL file of the largest size has about this number of corners, because it has 16.7
+bytes for each corner."""
 STL_HEAD, STL_TRIANGLE = 84, 50
 """Size of the head of a binary STL file (STL_HEAD), and size of each triangle in the file (STL_TRIANGLE) [bytes]."""
 MAX_PARTS = 1000
-"""Largest number of parts, groups and materials of a mesh. A mesh with more is refused, because each takes milliseconds
-to read, and in OBJ the time for each grows with their number."""
+"""Largest number of parts, groups and materials of a mesh. A mesh with a larger number is refused, because each part
+takes milliseconds to read, and in OBJ files the time for each part grows with the number of parts."""
 PARTS = {
     ".stl": re.compile(rb"endsolid", re.IGNORECASE),
     ".obj": re.compile(rb"^(?:o|g|usemtl)\s", re.MULTILINE),

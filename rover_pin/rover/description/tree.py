@@ -1,4 +1,4 @@
-"""The links and joints that a URDF states, as plain Python objects that can be checked before another library reads the
+"""Read the links and joints of a URDF as plain Python objects. They can be checked before another library reads the
 file.
 """
 
@@ -22,8 +22,8 @@ round pi to 3.14 or 3.1."""
 WORLDS = re.compile(r"(?:world|map|odom|earth|ground|inertial)(?:_?(?:link|frame))?", re.IGNORECASE)
 """Pattern of the names of root links that represent the world of a simulator and are no part of the rover."""
 MAX_URDF = 4 * bounded.MIB
-"""Largest number of characters of a URDF. A longer text is refused; URDFs of large robots have half a million
-characters."""
+"""Largest number of characters of a URDF. A longer text is refused. The limit is eight times the length of the URDFs of
+large robots, which have half a million characters."""
 MAX_LINKS = 1000
 """Largest number of links, and of joints, of a URDF.
 
@@ -160,13 +160,14 @@ class UrdfTree:
     def world_joints(self) -> list[Joint]:
         """Return the joints between a `world` link and the rover, from the root outwards; usually there are none.
 
-        URDFs of simulators fix, slide or float a rover in a `world` link. Each joint of this chain is the only child
-        joint of a link without mass, which is no part of the rover. A fixed joint counts only if the link above it has
-        a name such as `world` or `map`: `base_footprint`, for example, is also fixed to `base_link` but is a frame of
-        the rover.
+        In a URDF for a simulator, a chain of joints can connect a `world` link to the rover, so that the rover is
+        fixed, slides or floats in the world. Each joint of the chain is the only child joint of a link without mass,
+        which is no part of the rover. A fixed joint counts only if the link above it has a name such as `world` or
+        `map`. The link `base_footprint`, for example, is fixed to `base_link`, but is a frame of the rover.
         """
         chain: list[Joint] = []
-        # The chain goes down from the root while each link has one joint, no mass, and the name of a world.
+        # The chain continues from the root as long as a link has a single child joint and no mass, and, above a fixed
+        # joint, the name of a world.
         link = self.roots[0] if self.roots else ""
         while True:
             below = [joint for joint in self.joints if joint.parent == link]
@@ -218,8 +219,9 @@ class UrdfTree:
                 yield joint.name, joint.mimic
 
     def rigid_group(self, link: str) -> list[str]:
-        """Return the names of a link and of all links that fixed joints connect to its outer side, from the inside
-        outwards. These links move as one rigid body.
+        """Return the names of the links that move with a link as one rigid body, from the inside outwards.
+
+        These are the link itself and all links below it that fixed joints connect to it.
         """
         group = [link]
         # The list grows during the loop by the fixed children of each link.
@@ -312,8 +314,9 @@ def _link(element: ET.Element, file: str) -> Link:
         for mesh in drawing.iter("mesh"):
             scale = tuple(_vector(mesh.get("scale", "1 1 1"), f"{where}: mesh scale"))
             shapes.append(Shape("mesh", placement, scale, mesh.get("filename", ""), drawn=tag))
-    # An upper bound of the distance of the primitive shapes' points from the centre of mass. The radius of the sphere
-    # around a shape is half the diagonal of a box, or of a cylinder's axial section.
+    # `reach` is an upper bound of the distance between the centre of mass and the points of the primitive shapes. Each
+    # shape is replaced by the sphere around it, whose radius is half the diagonal of a box, or of the axial section of
+    # a cylinder.
     reach = 0.0
     for shape in shapes:
         if shape.kind == "mesh":

@@ -1,10 +1,10 @@
 """Search for the axes of a rover's base link that point forward and up, from the positions of the wheels and their
 names.
 
-The geometry of the wheels shows the direction of the axles and which side is up, but not which end is the front. The
-names of the wheels (front_left, wheel_rr, port) state the end and the side. A choice of axes (a frame) is accepted if
-no name contradicts the position of its wheel in the frame. If there is no such frame, the names and the geometry
-contradict each other, and only the user can decide which is right.
+The geometry of the wheels shows the direction of the axles and the upper side, but not the front end. The names of the
+wheels (front_left, wheel_rr, port) state the end and the side. A choice of axes (a frame) is accepted if no name
+contradicts the position of its wheel in the frame. If there is no such frame, the names and the geometry contradict
+each other, and the user must decide which of them is right.
 """
 
 import itertools
@@ -69,7 +69,7 @@ def _base_rpy() -> dict[Frame, Rpy]:
     turns = (0.0, -quarter, quarter, 2 * quarter)
     angles = itertools.product((0.0, 2 * quarter, quarter, -quarter), (0.0, quarter, -quarter), turns)
     by_frame: dict[Frame, Rpy] = {}
-    # Simple turns come first, so that each frame keeps the turn with the fewest angles.
+    # Rotations with few angles other than zero come first, and each frame keeps the first rotation that gives it.
     for rpy in sorted(angles, key=lambda rpy: sum(angle != 0.0 for angle in rpy)):
         rows = rotation(rpy)
         forward, up = (next(name for name, axis in AXES.items() if rows[i] @ axis > 0.9) for i in (0, 2))
@@ -106,8 +106,8 @@ NEUTRAL = "wheel|tyre|tire|hub|joint|link|drive|motor"
 COMPOUND = re.compile(f"(?:{LONG_WORDS}|{NEUTRAL})+")
 """Pattern of the names that consist of several words without separators, for example frontleftwheel."""
 LETTERS: dict[str, tuple[int, str]] = {}
-"""Two letters in a wheel's name -> end and side that they state. One letter states the end and the other the side, in
-either order: in rl and in lr the l is the side, so that the r means the rear."""
+"""Two letters in a wheel's name -> end and side that they state. One letter states the end, and the other letter states
+the side, in any order. Both rl and lr mean rear left, because l can only be a side."""
 for _end, _value in (("f", 2), ("m", 1), ("c", 1), ("b", 0), ("r", 0)):
     for _side in "lr":
         LETTERS |= {_end + _side: (_value, SIDES[_side]), _side + _end: (_value, SIDES[_side])}
@@ -116,8 +116,9 @@ END_WORDS = {2: "front", 1: "middle", 0: "rear"}
 
 
 class NamedPlace(NamedTuple):
-    """The end (2 front, 1 middle, 0 rear) and the side of the rover that a wheel's name states. If the name does not
-    state the end, `end` is None; if the name does not state the side, `side` is None.
+    """The end (2 front, 1 middle, 0 rear) and the side of the rover that a wheel's name states.
+
+    `end` is None if the name does not state the end, and `side` is None if the name does not state the side.
     """
 
     end: int | None
@@ -149,8 +150,9 @@ def named_places(names: Sequence[str]) -> list[NamedPlace]:
 
 
 def _place(tokens: Iterable[str], single: set[str]) -> NamedPlace:
-    """Return the end and the side that the words (`tokens`) of a wheel's name state. `single` contains the single
-    letters in the names of all wheels, which decide the meaning of a single r.
+    """Return the end and the side that the words (`tokens`) of a wheel's name state.
+
+    `single` contains the single letters that occur in the names of all wheels. They decide the meaning of a single r.
     """
     end: int | None = None
     side: str | None = None

@@ -1,6 +1,4 @@
-"""Description of a new rover from its URDF or xacro file: a TOML is proposed and written together with a picture, and
-the result is checked.
-"""
+"""Propose and write the TOML of a new rover for its URDF or xacro file, draw the rover, and check the result."""
 
 import math
 from dataclasses import dataclass
@@ -55,7 +53,7 @@ def new_rover(
         The TOML to write; by default it is written next to the URDF with the URDF's name. A name without .toml gets
         this suffix, and a folder gets a file with the URDF's name. The picture has the name of the TOML with .png.
     trust : Trust
-        A .xacro file can run code (its ${} are Python), so that it needs `Trust(everything=True)`.
+        A .xacro file needs `Trust(everything=True)`, because its expressions `${...}` are Python code that runs.
     front : str, optional
         The axis of the base link that points forward: +x, -x, +y, -y, +z or -z. By default the names of the wheels
         decide.
@@ -102,7 +100,7 @@ def new_rover(
     size = None if r is None or b is None else WheelSize(float(Wheel(r=r, b=b).r), float(b), "the size that was given")
     content = _content(source, trust)
     proposal = propose(read_tree(content, source.name), source.parent, front, size)
-    # The TOML states only the file name of the URDF, so that the URDF must lie next to the TOML.
+    # The TOML names the URDF without a folder, so the URDF must lie next to the TOML.
     files = []
     beside = toml.with_name(f"{stem}.urdf")
     if not (is_file(beside) and beside.resolve() == source.resolve()):
@@ -119,7 +117,9 @@ def new_rover(
 
 
 def _content(source: Path, trust: Trust) -> str:
-    """Return the text of a URDF file, or the URDF that xacro makes. For the errors, see `new_rover`."""
+    """Return the text of a URDF file, or the URDF into which xacro expands a .xacro file. For the errors, see
+    `new_rover`.
+    """
     if source.suffix != ".xacro":
         return urdf_text(source)
     if not trust.everything:

@@ -1,5 +1,6 @@
-"""The classes that describe a proposed rover (wheels, axles, roles of joints), and the tree of a URDF's joints, which
-shows which joints a joint carries.
+"""The classes that describe a proposed rover (wheels, axles, roles of joints), and the tree of a URDF's joints.
+
+The tree (`Topology`) answers which joints another joint carries.
 """
 
 from collections.abc import Sequence
@@ -66,9 +67,9 @@ class Proposal:
 
 
 class Topology:
-    """The tree of a URDF's joints, in the frame of the rover's base link.
+    """The tree of a URDF's joints, with positions in the frame of the rover's base link.
 
-    Joints between a world link and the rover are not returned. If several joints lead to one link, which closes a loop,
+    Joints between a world link and the rover are left out. If several joints lead to one link, which closes a loop,
     only the first of these joints is kept, and the others are in `cut`.
 
     Attributes
@@ -91,12 +92,13 @@ class Topology:
 
     def __init__(self, tree: UrdfTree):
         self.tree, self.places = tree, tree.placements
-        # Reversed, so that of several joints with one child link the first joint of the file is kept.
+        # If several joints have one child link, the first joint of the file is kept: in reversed order, it overwrites
+        # the others.
         first = {joint.child: joint.name for joint in reversed(tree.joints)}
         self.cut = tuple(joint.name for joint in tree.joints if first[joint.child] != joint.name)
         self.joints = {joint.name: joint for joint in tree.joints if joint.name not in self.cut}
         self.above = {joint.child: joint for joint in self.joints.values()}
-        # The base lies below the world links that a simulator needs, and all places are measured from it.
+        # A simulator may put world links above the base. All positions are measured from the base.
         world = tree.world_joints or [j for j in tree.joints if j.kind == "floating" and j.parent in tree.roots][:1]
         self.base = world[-1].child if world else (tree.roots or [""])[0]
         self.dropped = {joint.name for joint in world}
@@ -128,14 +130,16 @@ class Topology:
         return [wheel for wheel in wheels if joint in [up.name for up in self.ancestors(wheel)]]
 
     def axis(self, joint: Joint, rpy: tuple[float, float, float]) -> np.ndarray:
-        """Return the unit vector of a joint's axis [3] in axes that point x forward, y left, z up. The rotation `rpy`
-        turns the base link's axes to these axes.
+        """Return the unit vector of a joint's axis [3] in axes that point x forward, y left, z up.
+
+        `rpy` is the rotation (roll, pitch, yaw) that turns the base link's axes to these axes [rad].
         """
         unit = joint.axis / max(float(np.linalg.norm(joint.axis)), 1e-12)
         return np.asarray(rotation(rpy) @ self.places[joint.child][:3, :3] @ unit)
 
     def centre(self, joint: Joint, rpy: tuple[float, float, float]) -> np.ndarray:
-        """Return the position of a joint [3] (m) in axes that point x forward, y left, z up. The rotation `rpy` turns
-        the base link's axes to these axes.
+        """Return the position of a joint [3] (m) in axes that point x forward, y left, z up.
+
+        `rpy` is the rotation (roll, pitch, yaw) that turns the base link's axes to these axes [rad].
         """
         return np.asarray(rotation(rpy) @ self.places[joint.child][:3, 3])

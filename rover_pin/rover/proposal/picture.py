@@ -1,5 +1,5 @@
-"""Picture of a rover for the user who checks a proposal: side view and plan view with the names of the joints, so that
-wrong guesses can be seen.
+"""The picture of a proposed rover: side view and plan view with the names of the joints. It shows wrong guesses to the
+user.
 """
 
 import io
@@ -19,10 +19,12 @@ from rover_pin.base.files.whole_file import replace_file
 from rover_pin.rover.rover import Rover
 
 FONT_SIZE, GAP, ROW = 8, 4.0, 11.0
-"""Size of the letters, distance of a name from the point that it labels, and height of a row of names [pt]."""
+"""Size of the letters (FONT_SIZE), distance of a name from the point that it labels (GAP), and height of a row of names
+(ROW) [pt]. A row must be higher than a letter, so that names do not touch."""
 MAX_ROWS = 12
-"""Largest distance between a name and the point that it labels, in rows of names. If no position is free within it, the
-name is written directly above its point."""
+"""Largest distance between a name and the point that it labels, in rows of names. If no position within this distance
+is free, the name is written directly above its point. A reader could hardly follow a longer line from a name to its
+point."""
 
 
 class Name(NamedTuple):
@@ -68,7 +70,7 @@ def _write_name(axes: Axes, name: Name, taken: Sequence[Bbox]) -> Bbox:
     note = axes.annotate(figure_text(name.text), name.at, color=name.colour, fontsize=FONT_SIZE, xytext=(GAP, GAP),
                          textcoords="offset points", in_layout=False)  # fmt: skip
     note.set_path_effects([patheffects.withStroke(linewidth=2.0, foreground="white")])
-    # `point` is the size of a pixel [pt].
+    # One pixel has the size `point` [pt].
     first, point = note.get_window_extent(), 72.0 / axes.figure.dpi
     width, outer = first.width * point, axes.bbox
     # Offsets of the name's lower left corner from its point [pt], the nearest first: above and below, then to the
@@ -115,7 +117,7 @@ def picture(rover: Rover) -> Figure:
     side, plan = figure.subplots(2, 1)
     data = rover.model.createData()
     pin.forwardKinematics(rover.model, data, pin.neutral(rover.model))
-    # Wheels are circles in the side view, which shows the left side only, and rectangles in the plan view.
+    # Wheels are drawn as circles in the side view, which shows the left side only, and as rectangles in the plan view.
     for wheel in rover.wheels:
         (x, y, z), r, b = data.oMi[wheel.joint].translation, float(wheel.wheel.r), float(wheel.wheel.b)
         if wheel.side == "l":

@@ -1,6 +1,6 @@
-"""Search for the wheels and axles of a URDF, and for the end that is its front: the first part of a proposal.
+"""Search for the wheels, the axles and the front of the rover in a URDF.
 
-`propose` returns the whole proposal; `suspension` adds the pivots to it.
+`propose` returns the whole proposal for the roles of the joints. The module `suspension` adds the pivots to it.
 """
 
 import re
@@ -23,7 +23,8 @@ from rover_pin.rover.proposal.wheel_shape import WheelSize, wheel_size
 
 MAX_OFFSET = 0.25
 """Largest offset along x and z between two wheels that count as an axle, divided by their radius. Wheels with a larger
-offset do not form a pair."""
+offset do not form a pair. The two wheels of an axle of a real rover are opposite each other, up to small errors in the
+drawing."""
 MAX_RISE = 1.0
 """Largest height of a wheel's lowest point above the lowest point of all wheels, divided by the wheel's radius. A
 higher wheel is not on the ground and is ignored. A small height is allowed, because suspensions droop at zero
@@ -33,21 +34,23 @@ AXLES = {2: "front rear", 3: "front middle rear", 4: "front second third rear", 
 WHEEL_WORDS = ("wheel", "tyre", "tire", "rad", "drive", "hub")
 """Words in the names of wheels. They show which joints are wheels if no drawn shape is round about the joint's axis."""
 MIN_TRAIL = 0.25
-"""Smallest distance of a castor's centre from its swivel axis, divided by the wheel's radius. A steered wheel has a
-smaller distance."""
+"""Smallest distance of a castor's centre from its swivel axis, divided by the wheel's radius. With a smaller distance,
+the wheel counts as a steered wheel, because designers put the axis of steering close to the wheel's centre."""
 MAX_COSINE = 0.3
-"""Largest cosine of the angle between axle and swivel axis that counts as a right angle."""
+"""Largest cosine of the angle between axle and swivel axis that counts as a right angle. It allows 17 deg of deviation,
+because steered wheels can have caster and camber."""
 ROLLER = r"mecanum|omni|(?<![a-z])rollers?(?![a-z])"
 """Pattern in the names of the rollers of an omnidirectional wheel."""
 TRACK = r"idler|sprocket|(?<![a-z])(?:tracks?|treads?|belts?)(?![a-z])"
 """Pattern in the names of the wheels of a crawler track."""
 LEVEL = (0.0, 0.0, 0.0)
-"""Roll, pitch and yaw of no rotation: the axes of the base link are used unchanged."""
+"""Roll, pitch and yaw [rad] of the rotation that leaves the axes of the base link unchanged."""
 
 
 class Option(NamedTuple):
-    """A possible choice of the rover's axes (which axes of the base link point forward and up), and the axles that are
-    found with this choice.
+    """A possible choice of the rover's axes, and the axles that are found with this choice.
+
+    `frame` states which axes of the base link point forward and up.
     """
 
     frame: Frame
@@ -75,8 +78,8 @@ def propose(tree: UrdfTree, folder: Path, front: str = "", size: WheelSize | Non
         wheels have no size or cannot have a motor; or names contradict the positions of the wheels.
     """
     faults = [*name_faults(tree), *(fault for joint in tree.joints for fault in missing_links(tree, joint))]
-    # A check of axes needs a URDF whose names are unique and whose links exist, and a search for wheels needs right
-    # axes.
+    # The checks build on each other: a check of axes needs unique names and existing links, and a search for wheels
+    # needs right axes.
     faults = faults or list(axis_against_drawing(tree, might_be_wheels(tree)))
     view = Topology(tree)
     # A joint without an `<axis>` turns about x. It has a fault if the mesh of its link is round about another axis.
@@ -97,7 +100,8 @@ def propose(tree: UrdfTree, folder: Path, front: str = "", size: WheelSize | Non
     candidates = candidates_of(view, folder, size)
     for refusal in passive_wheels(view, {joint.name: size.r for joint, size in candidates}):
         raise UrdfError(f"{tree.file}: {refusal}; remove them, or use a rover whose wheels are all driven.")
-    # The wheels' places allow several frames of the base link; the frames with the most axles remain.
+    # The positions of the wheels may allow several frames of the base link. Only the frames with the most axles are
+    # kept.
     options = []
     for frame in FRAMES:
         axles = axles_of(view, candidates, frame.rpy)
@@ -129,8 +133,8 @@ def _no_axles(view: Topology, folder: Path, candidates: list[tuple[Joint, WheelS
         )
         return (
             f"{view.tree.file}: {', '.join(joint.name for joint in unsized)} turn like wheels, but nothing states "
-            f"their size: {reason}, and their inertia is no wheel's. Put the meshes into the URDF's folder, or give "
-            "the radius and the width of the wheels: --r 0.1 --b 0.08."
+            f"their size: {reason}, and their inertia does not belong to a wheel. Put the meshes into the URDF's "
+            "folder, or give the radius and the width of the wheels: --r 0.1 --b 0.08."
         )
     # Second reason: joints with a wheel's name that are fixed, or have stops less than a full turn apart.
     stopped = [
@@ -149,16 +153,16 @@ def _no_axles(view: Topology, folder: Path, candidates: list[tuple[Joint, WheelS
     names = f" ({', '.join(joint.name for joint, _ in candidates)})" if candidates else ""
     forward = f" with {front} forward" if front else ""
     return (
-        f"{view.tree.file}: no two axles of wheels are found{forward}. Wheel joints turn without end or by a full "
-        "turn, carry no other moving joint, come in pairs left and right of each other, have an axis across the base "
-        f"(+-y), and their links are round about this axis. {len(candidates)} joints might be wheels{names}. Write the "
-        "TOML by hand; urdf/cart.toml is an example."
+        f"{view.tree.file}: no two axles of wheels are found{forward}. A wheel's joint must be continuous or turn by a "
+        "full turn, carry no other moving joint, have a partner on the other side, and have an axis across the base "
+        f"(+y or -y); its link must be round about this axis. {len(candidates)} joints might be wheels{names}. Write "
+        "the TOML by hand; urdf/cart.toml is an example."
     )
 
 
 def _front(view: Topology, options: list[Option], front: str) -> tuple[Option, str]:
-    """Return the choice of the rover's axes that makes the positions of all wheels agree with their names, and a
-    comment on it for the TOML.
+    """Return the choice of the rover's axes with which the positions of all wheels agree with their names, and a
+    comment on this choice for the TOML.
 
     If `front` is given, or if no name states an end or a side, the first of the options is returned.
 
@@ -189,7 +193,8 @@ def _front(view: Topology, options: list[Option], front: str) -> tuple[Option, s
         middle = array.mean(axis=0)
         wrong[option.frame] = [f"'{joints[i]}' lies at the {place_words(array[i], middle)}" for i in against]
     for option in options:
-        # Names alone do not turn a rover upside down: the centre of mass must lie below the wheels' centres as well.
+        # Names alone are not enough to turn a rover upside down. The centre of mass must also lie below the wheels'
+        # centres.
         same_up = option.frame.up == first.frame.up or height_over_wheels(view, first.axles, first.frame.rpy) < 0.0
         if not wrong[option.frame] and same_up:
             return option, f"The names of the wheels agree with {option.frame.forward} of link '{view.base}' forward."
@@ -217,9 +222,10 @@ def leaves(view: Topology) -> list[Joint]:
 
 
 def looks_like_a_wheel(view: Topology, joint: Joint, folder: Path) -> bool:
-    """Return whether a joint may be a wheel's joint although no drawn shape is round about its axis.
+    """Return whether a joint may be a wheel's joint, judged by names. This is asked if no drawn shape is round about
+    the joint's axis.
 
-    This is the case if the name of the joint or of its link contains a word for a wheel, or if the names state an end
+    The result is True if the name of the joint or of its link contains a word for a wheel, or if the names state an end
     and a side and the mesh of the link is missing.
     """
     has_wheel_name = any(word in f"{joint.name} {joint.child}".lower() for word in WHEEL_WORDS)
@@ -237,7 +243,8 @@ def candidates_of(view: Topology, folder: Path, stated: WheelSize | None = None)
     wheels; if None, sizes are found from drawings and inertias. A wheel of unknown size gets the size of the first
     wheel of known size.
     """
-    # An inertia alone shows no wheel, because any link has one: the name must show it then.
+    # Every link has an inertia, so an inertia alone does not show a wheel. Then the name must contain a word for a
+    # wheel.
     candidates: list[tuple[Joint, WheelSize]] = []
     unsized: list[Joint] = []
     for joint in leaves(view):
@@ -320,10 +327,11 @@ def _pairs(wheels: list[GuessedWheel]) -> list[tuple[GuessedWheel, GuessedWheel]
 
 
 def upright(view: Topology, axles: list[GuessedAxle], rpy: Rpy) -> bool:
-    """Return whether the rover is upright with a choice of its axes: its centre of mass is above the lowest point of
-    its wheels. The rotation `rpy` turns the base link's axes to these axes.
+    """Return whether the rover is upright with a choice of its axes.
 
-    If no link has a mass, the mean height of the links must be above the mean height of the wheels' centres.
+    The rover is upright if its centre of mass is above the lowest point of its wheels. If no link has a mass, the mean
+    height of the links must be above the mean height of the wheels' centres. The rotation `rpy` turns the base link's
+    axes to the chosen axes.
     """
     height, has_mass = _middle_height(view, rpy)
     if not has_mass:
@@ -339,10 +347,10 @@ def height_over_wheels(view: Topology, axles: list[GuessedAxle], rpy: Rpy) -> fl
 
 
 def _middle_height(view: Topology, rpy: Rpy) -> tuple[float, bool]:
-    """Return the height of the rover's centre of mass [m], and True. If no link has a mass, return the mean height of
-    the links [m], and False.
+    """Return a mean height of the rover [m], and whether its links have masses.
 
-    The rotation `rpy` turns the base link's axes to axes whose z points up.
+    The height is the height of the centre of mass, or the mean height of the links if no link has a mass. The rotation
+    `rpy` turns the base link's axes to axes whose z points up.
     """
     bodies = [(link.body, view.places[link.name]) for link in view.tree.links if link.body and link.name in view.places]
     mass = sum(body.mass for body, _ in bodies)
@@ -353,8 +361,9 @@ def _middle_height(view: Topology, rpy: Rpy) -> tuple[float, bool]:
 
 
 def passive_wheels(view: Topology, radii: Mapping[str, float]) -> Iterator[str]:
-    """Yield one sentence for the castors, one for the rollers, and one for the wheels of a track, if such wheels are
-    among the given joints. No motor turns such wheels, so that a rover with them is refused.
+    """Yield a sentence for each kind of passive wheels among the given joints: castors, rollers, and wheels of a track.
+
+    No motor turns such wheels, so that a rover with them is refused.
 
     A castor is the only wheel on a joint that swivels without limits. The swivel axis is at right angles to the axle
     and has a distance (trail) from the wheel's centre; a wheel with castor in its name counts too. Rollers are carried
@@ -394,11 +403,16 @@ def passive_wheels(view: Topology, radii: Mapping[str, float]) -> Iterator[str]:
             rollers.append(joint.name)
     tracks = [joint.name for joint in joints if _name_matches(joint, TRACK)]
     if castors:
-        yield f"{_wheels_phrase(castors)} of castors: the ground turns castors, but here motors turn all wheels"
+        yield f"{_wheels_phrase(castors)} of castors, which have no motor, but the simulation needs driven wheels"
     if rollers and not tracks:
-        yield f"{_wheels_phrase(rollers)} of rollers (omnidirectional wheels), but wheels here do not roll sideways"
+        yield (
+            f"{_wheels_phrase(rollers)} of rollers (omnidirectional wheels), but simulated wheels cannot roll sideways"
+        )
     if tracks:
-        yield f"{_wheels_phrase(tracks)} of a track: a belt distributes load over its wheels, which is not simulated"
+        yield (
+            f"{_wheels_phrase(tracks)} of a track, whose belt distributes the load over its wheels, but the simulation "
+            "has no belts"
+        )
 
 
 def _name_matches(joint: Joint, pattern: str) -> bool:

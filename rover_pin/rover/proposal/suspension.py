@@ -14,10 +14,12 @@ from rover_pin.rover.proposal.parts import Proposal, Topology
 
 MAX_OFFSET = 0.5
 """Largest offset along x and z between the two pivots of a pair (left, right), and largest distance between the two
-halves of a rocker, divided by the wheel radius."""
+halves of a rocker, divided by the wheel radius. Pivots with a larger offset do not form a pair. CAD programs export
+mirrored parts with small offsets, and different pivots of one side are farther apart."""
 UPRIGHT_AXIS = 0.7
-"""Smallest cosine of the angle between an upright axis and the vertical. A joint with an upright axis steers, and is no
-pivot of the suspension."""
+"""Smallest cosine of the angle between an upright axis and the vertical. The angle is then at most 45 deg, so that the
+axis is nearer to the vertical than to the ground. A joint with an upright axis steers, and is no pivot of the
+suspension."""
 BARS = ("diff", "bar", "brace", "balance")
 """Words in the names of bars that connect two rockers."""
 LEVELS = ("bogie", "second_bogie", "third_bogie")
@@ -27,8 +29,8 @@ LEVELS = ("bogie", "second_bogie", "third_bogie")
 def add_suspension(view: Topology, proposal: Proposal) -> Proposal:
     """Add the suspension, the differential, and the coupled and held joints to a proposal; return the proposal.
 
-    Every moving joint that is neither wheel nor steering gets one of these roles, because a rover is refused if a
-    moving joint has no role.
+    Every moving joint that is neither a wheel's joint nor steers a wheel gets one of these roles, because a rover with
+    a moving joint without a role would be refused.
     """
     wheels = [wheel.joint for wheel in proposal.wheels]
     steering = [joint for axle in proposal.axles for joint in axle.steering or ()]
@@ -66,7 +68,7 @@ def add_suspension(view: Topology, proposal: Proposal) -> Proposal:
             proposal.held_joints[joint.name] = _rest_value(joint)
             below = view.below(joint.name, wheels)
             if len(below) == 1:
-                reason = f"it carries the wheel '{below[0]}' alone: a leg or swing arm, which is held rigid"
+                reason = f"it carries only the wheel '{below[0]}': a leg or a swing arm, which is held at this angle"
             elif len(below) == len(wheels):
                 reason = "it carries all wheels"
             elif below:
@@ -86,8 +88,8 @@ def add_suspension(view: Topology, proposal: Proposal) -> Proposal:
 def _named_pivots(
     view: Topology, proposal: Proposal, pivots: list[Joint], sides: tuple[set[str], set[str]]
 ) -> Iterator[tuple[str, list[Joint]]]:
-    """Yield the pivots of the suspension with their names: for each pair (left, right), and for each single pivot in
-    the middle, the name in the table [suspension] and the joints.
+    """Yield the name of each pivot in the table [suspension], and its joints: a pair (left, right), or a single joint
+    in the middle.
 
     A pivot without a partner on the other side becomes a held joint of the proposal. `sides` are the joints of the left
     wheels and of the right wheels.
@@ -130,15 +132,15 @@ def _named_pivots(
 
 
 def _other_half(view: Topology, proposal: Proposal, joint: Joint, wheels: list[str]) -> bool:
-    """Couple a joint that carries one wheel to a pivot with an equal axis, if there is such a pivot; return whether
-    there is one.
+    """Couple a joint that carries one wheel to a pivot on the same pin, and return whether there is such a pivot.
 
-    Some URDFs divide a rocker into a front arm and a rear arm that turn about one pin, each with its own joint.
+    Some URDFs divide a rocker into a front arm and a rear arm. Both arms turn about one pin, but each has its own
+    joint.
     """
     if joint.kind not in ("revolute", "continuous") or len(view.below(joint.name, wheels)) != 1:
         return False
     rpy, r = proposal.base_rpy, proposal.wheels[0].size.r
-    # The pin of a pivot and the joint must lie on one line for two halves of one rocker.
+    # Two joints are halves of one rocker if they are close to each other and their axes are parallel.
     for pivot in (name for joints in proposal.suspension.values() if len(joints) == 2 for name in joints):
         partner = view.joints[pivot]
         distance = float(np.linalg.norm(view.centre(partner, rpy) - view.centre(joint, rpy)))
@@ -158,7 +160,7 @@ def _find_differential(view: Topology, proposal: Proposal, sides: tuple[set[str]
     """
     wheels = [*sides[0], *sides[1]]
     word = "bogie"
-    # The halves of a rocker carry their wheels together.
+    # If a rocker has two halves, the wheels of both halves count.
     for name, joints in list(proposal.suspension.items()):
         carried = []
         for joint in joints:
@@ -176,8 +178,8 @@ def _find_differential(view: Topology, proposal: Proposal, sides: tuple[set[str]
 
 
 def _rest_value(joint: Joint) -> float:
-    """Return the angle [rad] or travel [m] at which a joint is held. It is 0 if 0 lies between the stops, otherwise the
-    nearer stop.
+    """Return the angle [rad] or travel [m] at which a joint is held: 0, or the stop nearest to 0 if 0 lies beyond the
+    stops.
     """
     low, high = joint.limits
     stops = joint.limited and joint.kind in ("revolute", "prismatic") and low < high

@@ -14,8 +14,8 @@ from rover_pin.rover.description.tree import Joint, Shape, UrdfTree
 log = logging.getLogger(__name__)
 
 ROUNDNESS_TOLERANCE = 0.2
-"""Largest difference between two diameters of a shape that counts as round, as a fraction of the larger diameter;
-treads have lugs.
+"""Largest difference between two diameters of a shape that counts as round, as a fraction of the larger diameter. Such
+a difference is allowed because treads have lugs.
 
 Shapes whose radii differ by at most this fraction belong to one rim."""
 
@@ -91,9 +91,9 @@ def wheel_size(tree: UrdfTree, joint: Joint, folder: Path, *, drawn_only: bool =
     if not axial > 0.0:
         return None
     r = math.sqrt(2.0 * axial / link.body.mass)
-    # The width must be positive, also for a ring, for which the solid cylinder would have none.
+    # For a ring, the formula of the solid cylinder gives no positive width, so a minimum width is set.
     b = math.sqrt(max(12.0 * across / link.body.mass - 3.0 * r**2, (0.2 * r) ** 2))
-    return WheelSize(r, b, f"the inertia of link '{link.name}' as a solid cylinder's, which is a poor measure")
+    return WheelSize(r, b, f"the inertia of link '{link.name}', as if it were a solid cylinder, which is inaccurate")
 
 
 def _points(shape: Shape, folder: Path) -> np.ndarray | None:
