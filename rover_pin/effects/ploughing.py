@@ -14,10 +14,9 @@ from rover_pin.effects.slip_softening import approach, lift, loosen, share_of, s
 from rover_pin.soil.passive import passive
 from rover_pin.soil.slip import ACROSS_SHARE, positive_part
 
-MIN_ROLLED_FRACTION, SHARPNESS = 0.2, 16
-"""Smallest value of 1 + S (the fraction of the travel that a braked wheel rolls), and exponent that sets how sharply
-this limit is rounded. A locked wheel rests on sand like a plate, and ploughs like a wheel at S = -0.8 (assumed).
-"""
+SHARPNESS = 16
+"""Exponent that sets how sharply the limit m of 1 + S is rounded. With 16, the stiffness at S = m - 1 is 4 % above the
+stiffness of a locked wheel for a_b = 1."""
 MAX_LOST_REAR = 0.9
 """Maximum distance of the contact's rear end in front of the axle, as a fraction of the entry angle."""
 
@@ -38,6 +37,10 @@ class Ploughing(Effect):
     over the travel L. The deeper rut costs work (`rut_cost`), and the lift of the wheel at the end of a skid costs work
     as in `SlipSoftening`.
 
+    Near a locked wheel, 1 + S is limited to m. A locked wheel (S = -1) takes in no sand by rolling, but it rests on the
+    sand that passes below it, like a dragged plate. Runs without a locked wheel do not show m, so that a prediction of
+    a locked wheel is uncertain by the prior of m.
+
     Source: an assumed form, compared with others in studies/wheel_laws.py; earth pressure: Hegedus (1960); Wong and
     Reece, J. Terramechanics 4(2) (1967) 7, for the fact that the bottom of a skidding wheel separates from the soil in
     front. Differs from the paper: it uses the laws of a driven wheel for S < 0.
@@ -49,6 +52,7 @@ class Ploughing(Effect):
     a_b: Scalar = quantity(1.0, "", "conservation of volume; 0.6 to 1 fitted on one measured wheel", 0.0, 4.0, "a_b")
     share: Scalar = quantity(1.0, "", "assumed: the heap is as wide as the wheel", 0.0, 5.0, "B")
     e_b: Scalar = quantity(0.4, "", "one measured wheel (studies/wheel_laws.py): 0.3 to 0.5", 0.0, 2.0, "e_b")
+    locked: Scalar = quantity(0.2, "", "assumed: locked, it rests on sand as at S = -0.8", 0.02, 0.9, "m")
     gamma: Scalar = quantity(15700.0, "N/m^3", "assumed: loose dry sand, 1600 kg/m^3, on Earth", 0.0, 1e5, "gamma")
     phi_f: Scalar = quantity(math.radians(30.0), "rad", "assumed: Table 1's sand", 0.0, math.radians(60.0), "phi_f")
     length: Scalar = quantity(0.066, "m", "assumed: the length L of SlipSoftening", 1e-3, 1.0, "L")
@@ -76,7 +80,7 @@ class Ploughing(Effect):
         h = ca.fmax(contact.h, 0.0)
         wall = contact.wheel.b * passive(self.phi_f).per_width(h, contact.soil.c, self.gamma)
         # The wheel is lifted while the followed skid is larger than the present one.
-        up = lift(contact, load, self.a_b * (x[0] - _skid(contact)), self.length)
+        up = lift(contact, load, self.a_b * (x[0] - self._skid(contact)), self.length)
         # The heap faces the heading: kappa of `against_travel` is the part of the sideways speed that counts.
         v, v_y, u = contact.v_x, ACROSS_SHARE * contact.v_y, fading(contact.rim, self.v_0, 1.0)
         heap = self.share * self._pushed_share(x[0]) * wall * v / ca.sqrt(v * v + v_y * v_y + u * u)
@@ -86,7 +90,7 @@ class Ploughing(Effect):
 
     def rate(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
         """Return the time derivative [1/s] of the skid state, which follows -ln(1 + S) for a slip S < 0."""
-        return (approach(contact, _skid(contact) - x[0]) / self.length,)
+        return (approach(contact, self._skid(contact) - x[0]) / self.length,)
 
     def _pushed_share(self, skid: Scalar) -> Scalar:
         """Return the fraction [-] of the sand in front of the wheel that is pushed ahead, for the skid state `skid`,
@@ -94,12 +98,8 @@ class Ploughing(Effect):
         """
         return -ca.expm1(-self.a_b * ca.fmax(skid, 0.0))
 
-
-def _skid(contact: Contact) -> Scalar:
-    """Return the skid -ln(1 + S) for a slip S < 0, limited smoothly near a locked wheel, and 0 for S > 0."""
-    # A smooth maximum of 1 + S and its minimum, by a power mean.
-    rolled = 1.0 - positive_part(-contact.S)
-    return (
-        ca.log((1.0 + MIN_ROLLED_FRACTION**SHARPNESS) / (rolled**SHARPNESS + MIN_ROLLED_FRACTION**SHARPNESS))
-        / SHARPNESS
-    )
+    def _skid(self, contact: Contact) -> Scalar:
+        """Return the skid -ln(1 + S) for a slip S < 0, limited smoothly near a locked wheel, and 0 for S > 0."""
+        # A smooth maximum of 1 + S and its minimum m, by a power mean.
+        rolled, least = 1.0 - positive_part(-contact.S), self.locked**SHARPNESS
+        return ca.log((1.0 + least) / (rolled**SHARPNESS + least)) / SHARPNESS

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from rover_pin.contact import Load, Soil, Wheel
+from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.effects.ploughing import Ploughing
 
 SKID = -math.log(0.6)
@@ -55,3 +56,24 @@ def test_a_ploughed_rut_is_paid_for_where_the_form_leaves_it_out(patch, v):
     shallow = 0.004 * decay ** (1 / 1.5)  # W as h^(n + 1/2) at a small sinkage
     work = [soil.k_1 * share * (h * (1 - soil.exit_ratio**2)) ** 2 / 2 for share, h in ((decay, 0.004), (1.0, shallow))]
     assert float(content.f_t) == pytest.approx(-(work[0] - work[1]) * v / math.hypot(v, 0.001), rel=0.02)
+
+
+@pytest.mark.parametrize("locked", [0.1, 0.2, 0.5])
+def test_a_locked_wheel_rests_on_the_part_of_the_sand_that_passes_below_it(patch, locked):
+    """The settled state is -ln m at S = -1, and -ln(1 + S) where more than m is rolled."""
+    effect = Ploughing(locked=locked, length=0.05)
+
+    def settled(S):
+        return float(effect.rate(patch(S=S, v_x=0.05, rim=0.0), Load(), (0.0,))[0])
+
+    assert settled(-1.0) == pytest.approx(-math.log(locked), rel=1e-3)
+    rolled = min(1.6 * locked, 0.9)
+    assert settled(rolled - 1.0) == pytest.approx(-math.log(rolled), rel=2e-3)
+    assert settled(0.3) == 0.0
+
+
+def test_what_a_locked_wheel_rests_on_is_uncertain_in_a_search():
+    cause = plain_candidate(Ploughing()).cause
+    (number,) = (parameter for parameter in cause.parameters if parameter.name == "Ploughing.locked")
+    assert number.prior
+    assert number.value(1.0) / number.value(-1.0) > 2.0, "an order of magnitude is known, not more"
