@@ -22,9 +22,9 @@ KILOPOND = 9.80665
 class RigColumn(NamedTuple):
     """One column of a wheel-rig data set: its name, its SI unit, and the names that laboratories give to it.
 
-    `phrases` are whole names, in upper or lower case. `symbols` are short names whose case counts. `unit_symbols` are
-    short names that also denote other quantities; they count only together with a unit of the right kind. If
-    `needs_unit` is True, the phrases also need a unit.
+    `phrases` are whole names, whose case does not matter. `symbols` are short names, for which upper and lower case
+    differ. `unit_symbols` are short names that also denote other quantities; a column name with such a symbol matches
+    only if it states a unit of the right kind. If `needs_unit` is True, a phrase matches only with a unit too.
     """
 
     column: str
@@ -235,8 +235,9 @@ def unit_of_wrong_kind(header: str) -> str:
 def _readings(header: str) -> Iterator[tuple[str, str]]:
     """Yield the possible splits of a column name into a name and a unit, the most probable first.
 
-    A letter behind a name may be its unit or its symbol: the h of "Sinkage, h" is no hour, and the W of "Load (W)" no
-    watt. The whole header is therefore also yielded, as the last possibility, as a name without a unit.
+    A letter at the end may be a unit or a symbol: in "Sinkage, h" the h is a symbol and does not mean hours, and in
+    "Load (W)" the W does not mean watts. Therefore the whole column name is also yielded, as the last possibility,
+    without a unit.
     """
     # Full-width letters and other forms become plain ones.
     plain = unicodedata.normalize("NFKC", header.translate(BRACKETS)).strip()
@@ -262,7 +263,8 @@ def _readings(header: str) -> Iterator[tuple[str, str]]:
 
 
 TRAILING_UNIT = re.compile(r"(.*?)(?:\s+in\s+|\s*[/,]\s*|\s+)([^\s/,]+(?:/[^\s/,]+)?)")
-"""Pattern that splits a column name at its last blank, comma, slash or "in"; the text behind may be a unit."""
+"""Pattern that splits a column name at its last blank, comma, slash or "in". The text after this place may be a
+unit."""
 
 
 def stated_unit(header: str, expected: str) -> str:

@@ -96,10 +96,10 @@ suggests our name."""
 
 
 def refuse_unknown_keys(document: Mapping[str, Any], where: str) -> None:
-    """Raise DataError if `rig.toml`, or one of its tables, has a key that no part of the package reads.
+    """Raise DataError if `rig.toml`, or one of its tables, has a key that no part of the package reads. The message
+    names the key that the user may have meant.
 
-    The message names the key that the user may have meant. The same error is raised if the name of a table holds
-    another kind of value.
+    DataError is also raised if the key of a table, such as `wheel`, holds a number or a text instead of a table.
     """
     _refuse(document, (*TEXTS, SLIP_DEFINITION, GRAVITY, *TABLES), where, "a rig set")
     for name, keys in TABLES.items():

@@ -110,7 +110,7 @@ def in_order_of_interest(verdict: Verdict) -> list[CauseSet]:
 def in_words(names: Sequence[str], verdict: Verdict, labels: Labels) -> str:
     """Return the titles of causes that act together, such as "digging + grip of lugs"; for no causes, an empty text.
 
-    A cause that is no effect is another value of a declared number.
+    A cause that is not an effect is a wrong value of a declared number, and is written as "another value of soil.k".
     """
     kinds = kinds_of(verdict)
     titles = ((name, display_name(labels.placed(name), kinds)) for name in names)

@@ -104,17 +104,19 @@ def headline(verdict: Verdict, labels: Labels) -> str:
 
 
 def _contradictions(verdict: Verdict) -> str:
-    """Return the end of a headline. It states up to two contradictions, otherwise it is a full stop.
+    """Return the end of a headline, which states up to two contradictions. Without a contradiction it is a full stop.
 
     The first contradiction is a residual that is too large to be noise, so that something else acts as well. The second
-    contradiction is that held-out data contradict the evidence.
+    one is that held-out data contradict the evidence.
     """
     beyond = "; something else acts as well" if verdict.beyond_noise and verdict.named else ""
     return beyond + ("; held-out data contradict the evidence." if verdict.overturned else ".")
 
 
 def _cause_sentences(verdict: Verdict, labels: Labels) -> Iterator[str]:
-    """Yield headlines of a verdict that adds causes to the model, the most detailed first, the shortest last."""
+    """Yield the possible headlines of a verdict that adds causes to the model. The most detailed headline is first, the
+    shortest is last.
+    """
     start = "the model's error comes from"
     added = in_words(verdict.named, verdict, labels)
     if verdict.answer is Answer.LIKE:

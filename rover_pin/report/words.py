@@ -78,8 +78,8 @@ def _digits(size: float, digits: int) -> str:
 def with_interval(number: Number) -> str:
     """Return a fitted number with its 95 % interval as text: "1.2 mm [0.9, 1.5]".
 
-    If an end of the interval is a bound of the number and not a result of the data, a remark follows. If the data give
-    no interval, "(no interval)" stands in its place.
+    If an end of the interval is a bound of the number and not a result of the data, the remark "limited by its bounds"
+    follows. If the data give no interval, the text ends in "(no interval)".
     """
     factor, _ = in_words(number.unit, number.value)
     if not math.isfinite(number.low + number.high) or number.low == number.high:

@@ -215,8 +215,10 @@ def _rover_from_above(axes: Axes, film: Film, outline: str | None) -> Draw:
 
 
 def _at_time_of(film: Film, ghost: Film, draw: Draw) -> Draw:
-    """Return a function that draws the ghost at the time at which the film shows a frame. `draw` is the function that
-    draws a frame of the ghost; the frames of both drives may lie at different times.
+    """Return a function that takes a frame of the film and draws the ghost at the time of this frame.
+
+    `draw` draws a frame of the ghost. The times of the ghost's frames may differ from the times of the film's frames,
+    so that the ghost's last frame up to this time is drawn.
     """
     return lambda frame: draw(ghost.frame_at(float(film.t[frame])))
 

@@ -24,8 +24,8 @@ CAUSES = ("grip lost", "digging", "wall", "motor", "sensor")
 """The causes that the monitor distinguishes: three causes of a stuck rover, and two faults (motor, sensor). The C code
 numbers them in this order."""
 CANNOT_TELL = "cannot tell"
-"""The cause that is stated if the rover will probably be stuck, but no single cause has more than half of this
-probability."""
+"""Text that the monitor states as the cause if the rover will probably be stuck, but no single cause has more than half
+of this probability."""
 
 
 class Forecast(NamedTuple):

@@ -122,8 +122,8 @@ ALARM, SMOOTHING_TIME = 0.75, 0.3
 smoothed P(stuck) falls below half of ALARM. With these numbers, there were fewer than five false alarms per hour for
 the seeds 291001 and 291002 of `studies/monitor.py`."""
 WORTH, NAMED = 0.2, 0.5
-"""Minimum P(stuck) for a search for a cause, and minimum fraction of P(stuck) that a cause must have to be stated as
-the cause."""
+"""The monitor searches for a cause only if P(stuck) is at least WORTH. It names a cause only if the cause's probability
+is at least the fraction NAMED of P(stuck); otherwise it states that it cannot tell (both assumed)."""
 WINDOW = 20
 """Number of latest samples in the search for faults of motors and sensors."""
 NUMBERS = {

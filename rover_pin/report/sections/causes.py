@@ -178,9 +178,9 @@ def sensitivities(beliefs: Beliefs, named: tuple[str, ...]) -> dict[str, tuple[S
     """Return the smallest detectable size of each kind of cause that was not added; the best detectable kind comes
     first.
 
-    A kind of cause, such as a weak motor, may act at several places (wheels, channels, positions). The dict maps the
-    kind to a pair: the smallest detectable size, relative to the usual size, at the place where it is smallest, and the
-    number of places. `named` are the added causes.
+    A kind of cause, such as a weak motor, may act at several places (wheels, channels, positions). The dict maps each
+    kind to a pair: the `Sensitivity` at the place where the detectable size, relative to the usual size, is smallest,
+    and the number of places. `named` are the added causes.
     """
     kinds: dict[str, list[Sensitivity]] = {}
     # The part of a name before a bracket or an @ is the kind of cause, as WeakMotor in WeakMotor[2].
@@ -226,7 +226,8 @@ def unit_of(hypothesis: Hypothesis, cause: Cause, parameter: Parameter) -> str:
 
 
 def is_threshold(parameter: Parameter) -> bool:
-    """Return whether an amplitude is a threshold of a cause: the cause acts only above it. A fraction of a threshold
-    has no meaning.
+    """Return whether a parameter of a cause is a threshold, above which the cause acts.
+
+    The size of such a cause cannot be estimated by a linear model, because a fraction of a threshold has no meaning.
     """
     return parameter.log or (math.isinf(parameter.low) and parameter.origin != 0)

@@ -94,10 +94,11 @@ def baseline_table(verdict: Verdict, labels: Labels) -> ReportTable | None:
 
 
 def _level(level: Any, score: ChannelScore, added: bool) -> str:
-    """Return the errors of a channel in one held-out fold (`level`) as text, or a dash if nothing was measured in the
-    fold.
+    """Return the errors of a channel in one held-out fold as text: "1.2 mm", or "1.2 mm to 0.8 mm" if effects were
+    added.
 
-    The text has the error without and, if effects were added (`added`), with the added effects.
+    `level` holds the errors of the fold. The text is a dash if nothing was measured in the fold. `added` is whether
+    effects were added; the second error is then that of the model with added effects.
     """
     if math.isnan(level.before) and level.level not in score.lost:
         return "-"

@@ -197,11 +197,11 @@ class EffectSource:
         return "\n".join([head, "\n\n".join(members)]) + "".join(f"\n\n\n{helper}" for helper in helpers) + "\n"
 
     def effect(self, hooks: Mapping[str, Callable[..., Any]]) -> AnyEffect:
-        """Return the effect as an object with the numbers of the file. The functions `hooks` (name of a hook ->
-        function) take the place of the hooks' code in the file.
+        """Return the effect as an object, with the numbers of the file and with `hooks` (name of a hook -> function) as
+        its methods.
 
-        `close-loop` tries a drafted effect in this form, because the program never executes the text. The functions
-        must compute the values of the code in `self.hooks`.
+        The program never executes the text of the file. To try a drafted effect, `close-loop` therefore uses functions
+        in place of the code in `self.hooks`; both must compute equal values.
         """
         coefficients = {number.name: quantity(*number[1:]) for number in self.coefficients}
         members = {

@@ -27,7 +27,7 @@ scale and zero. No sensor measures the channels from slip to travel."""
 DUTIES, RATES = "duties", "rates"
 """Words of a log for the inputs of its replay: the duties that drive the motors, or the measured wheel rates."""
 ODOMETRY = "odometry"
-"""Word of a log for a pose that was not measured, but computed from the wheel rates."""
+"""Word with which a log declares that its pose was computed from the wheel rates and not measured."""
 WHEEL_NAMING = ("duty", "wheel_rate", "steer", "slip")
 """Channels from whose names the names of the wheels are read. The names of other channels, such as torque_sensor, may
 end with a word that is not a wheel."""
