@@ -27,8 +27,8 @@ def pictures(book):
     return [out for cell in code_cells(book) for out in cell.outputs if "image/png" in out.get("data", {})]
 
 
-def test_there_are_five():
-    assert len(NOTEBOOKS) == 5
+def test_there_are_six():
+    assert len(NOTEBOOKS) == 6
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
