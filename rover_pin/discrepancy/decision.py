@@ -132,10 +132,12 @@ def sentence(decision: Decision, beliefs: Beliefs, share: float, misfit: float) 
         else ""
     )
     unlisted = beliefs.has_discrepancy(())
+    # "Nothing is missing" would contradict a discrepancy that certainly acts, however small it is.
     base = (
-        f"something that is not on the list acts with probability {unlisted:.2f}, but it is smaller than the noise"
+        f"no effect of the list is missing with probability {none:.2f}; a discrepancy that none of them explains acts "
+        f"with probability {unlisted:.2f}, but it is smaller than the noise"
         if unlisted > CONFIDENCE
-        else "the residual of the base model is noise"
+        else f"nothing is missing with probability {none:.2f}; the residual of the base model is noise"
     )
     # A law that leaves a discrepancy is only similar to the true one; held-out data can show the same (the reasons).
     leaves = (
@@ -157,7 +159,7 @@ def sentence(decision: Decision, beliefs: Beliefs, share: float, misfit: float) 
         Answer.LIKE: f"something like {retained} is missing (probability {probability:.2f}{basis}): "
         f"{retained} {removes}{leaves}.",
         Answer.SET: f"{missing}the data leave open whether it is {listed}; the first {removes}.{discrepancy}",
-        Answer.NONE_NEEDED: f"nothing is missing with probability {none:.2f}; {base}.",
+        Answer.NONE_NEEDED: f"{base}.",
         Answer.NONE_FITS: f"something acts that is not on the list: {none_fits}.",
         Answer.INADEQUATE: "the base model fits the data only with numbers far from their declared values"
         + (f": {', '.join(decision.otherwise)}." if decision.otherwise else "."),
