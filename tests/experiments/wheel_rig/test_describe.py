@@ -68,7 +68,8 @@ def test_several_sets_offer_the_runs_of_each(tmp_path):
     for folder in (first, second):
         (folder / "rig.toml").write_text(f'name = "{folder.name}"\n' + (folder / "rig.toml").read_text())
     joint = read_joint((first, second))
-    (offer,) = RigData(joint).question(()).offers(())
+    offer, unloaded = RigData(joint).question(()).offers(())
+    assert len(unloaded.experiment.folds) == sum(len(rig.channels) for rig in joint.sets)
     assert len(offer.experiment.folds) == 2 * 33 + 33 - 4, "two of each were made"
     assert "second: one run at S = 0.4 under 80 N" in offer.experiment.folds
     assert np.isfinite(offer.experiment.predict([joint.base_model()])[0][offer.noise.good]).any()
