@@ -1,6 +1,4 @@
-"""Functions that return a changed copy of a terrain: with another soil in a stretch of x, or raised by a height that
-depends on x.
-"""
+"""Return a changed copy of a terrain: with another soil in a stretch of x, or raised by a height that depends on x."""
 
 import math
 from collections.abc import Sequence
@@ -13,9 +11,9 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.terrain.terrain import HeightGrid, Lanes, Profile, Terrain
 
 LEAD = 1.0
-"""Distance [m] between the end of a stretch of soil that lies outside a profile and the two helper points that the
-profile gets before and behind this end. The points lie on the straight continuation of the profile, so that the ground
-keeps its shape."""
+"""Distance [m] of two additional points of a profile from the end of a stretch of soil, if this end lies outside the
+profile. The points lie before and behind the end, on the straight continuation of the profile, so that the ground keeps
+its shape. Any distance of the size of a rover serves this purpose."""
 MIN_PIECE = 1e-9
 """Minimum distance [m] between a new point of a profile and the profile's own points. A new point that is nearer is
 dropped, because round-off could give the short piece between the two points any slope."""
@@ -76,11 +74,11 @@ def with_ground(terrain: Terrain, x_from: End, x_to: End, index: int) -> Terrain
 
 
 def bend_terrain(terrain: Terrain, x: Sequence[float], rise: Sequence[float]) -> Terrain:
-    """Return a copy of the terrain. Every point of the copy is raised by a height that depends on x only.
+    """Return a copy of the terrain that is raised by a height that depends on x only.
 
-    An effect with a `bend()` method changes the model's terrain with this function, for instance to fit the error of a
+    An effect with a method `bend()` changes the model's terrain by this function, for instance to fit the error of a
     surveyed height. A profile gets the points of the bend in addition to its own points. A height grid gets additional
-    lines across x, enough to follow the bend, and stays bilinear between these lines.
+    lines across x, and stays bilinear between these lines.
 
     Parameters
     ----------
@@ -110,7 +108,7 @@ def bend_terrain(terrain: Terrain, x: Sequence[float], rise: Sequence[float]) ->
         z = terrain.height(grid_x[:, None], y[None, :]) + np.interp(grid_x, places, lift)[:, None]
         return HeightGrid(terrain.x0, terrain.y0, dx, terrain.dy, z, np.repeat(terrain.ground, finer, axis=0))
     assert isinstance(terrain, Lanes)
-    # A point more beyond each end makes the rise constant there, also where the profile's end pieces go on.
+    # One additional point beyond each end keeps the rise constant there, also on the continuation of the profile.
     length = float(places[-1] - places[0])
     extended = np.concatenate([[places[0] - length], places, [places[-1] + length]])
     profiles = []

@@ -35,12 +35,15 @@ GRID_OPTIONS = ("cell", "relief", "missing")
 """Keys of the table `[terrain]` that are passed to `from_grid` as arguments."""
 KEYS = (*KINDS, *GRID_OPTIONS, "borders", "patch")
 PATCH_KEYS = ("x_from", "x_to", "ground")
+"""All keys that the table `[terrain]` may have (KEYS), and all keys that one of its patches may have (PATCH_KEYS). Any
+other key is refused."""
 LARGEST = 1000.0
 """Maximum coordinate [m] in a terrain file. A file with a larger coordinate is refused, because its numbers are
-probably in millimetres."""
+probably in millimetres: rover drives are shorter than 1 km."""
 SPACING_TOLERANCE = 1e-3
 """Maximum distance of a grid point from its position on an evenly spaced grid, as a fraction of the spacing. A table
-with a larger distance is refused."""
+with a larger distance is refused, because its points are not evenly spaced. Smaller distances are due to rounded
+numbers."""
 
 
 def terrain_from(table: Mapping[str, Any], file: Path, trust: Trust = Trust()) -> Terrain:
@@ -93,7 +96,7 @@ def terrain_from(table: Mapping[str, Any], file: Path, trust: Trust = Trust()) -
         else:
             profiles = [from_polyline(file_path(name)).profiles[0] for name in table["polylines"]]
             terrain = Lanes(tuple(profiles), tuple(table.get("borders", ())))
-        # Later patches lie on top of earlier patches.
+        # If patches overlap, the later patch of the list decides about the soil.
         for patch in table.get("patch", []):
             if not isinstance(patch, Mapping) or not set(patch) <= set(PATCH_KEYS) or "ground" not in patch:
                 raise DataError(
@@ -113,8 +116,9 @@ def terrain_from(table: Mapping[str, Any], file: Path, trust: Trust = Trust()) -
 
 
 def write_terrain(folder: str | Path, terrain: Terrain) -> dict[str, Any]:
-    """Write the files of a terrain into the folder of a drive log or model. Return the content of the table `[terrain]`
-    that names these files.
+    """Write the files of a terrain into a folder, and return the table `[terrain]` that names these files.
+
+    `folder` is the folder of the drive log or model that will contain this table.
     """
     folder = Path(folder)
     if isinstance(terrain, HeightGrid):
@@ -256,8 +260,9 @@ def _column_grid(path: Path) -> HeightGrid:
     x0, dx, i = _lattice(table, "x_m", x)
     y0, dy, j = _lattice(table, "y_m", y)
     shape = (int(i.max()) + 1, int(j.max()) + 1)
-    # Each grid point needs exactly one row: a missing row leaves a hole, and a second row contradicts the first.
-    # Memory is taken for the rows only, because a few scattered rows may span a grid of billions of points.
+    # Each grid point needs exactly one row: a missing row leaves a hole, and a second row contradicts the first. The
+    # check uses only arrays with one entry for each row, because a few scattered rows may span a grid of billions of
+    # points.
     present, counts = np.unique(i * shape[1] + j, return_counts=True)
     missing = np.flatnonzero(present != np.arange(present.size))
     point = int(missing[0]) if missing.size else present.size
@@ -305,15 +310,19 @@ def _lattice(table: Columns, name: str, values: np.ndarray) -> tuple[float, floa
 
 
 def _refuse_millimetres(table: Columns, *names: str) -> None:
-    """Raise DataError if one of the columns `names` has a coordinate beyond LARGEST [m] from 0, which is probably in
-    millimetres.
+    """Check that no coordinate in the columns `names` is larger than LARGEST [m].
+
+    Raises DataError: a coordinate is larger, so it is probably in millimetres.
     """
     for name in names:
         _refuse_large(table.path, f"column '{name}'", table.values[name])
 
 
 def _refuse_large(path: Path, name: str, values: np.ndarray) -> None:
-    """Raise DataError if a coordinate is more than LARGEST [m] from 0, because it is probably in millimetres."""
+    """Check that no absolute value of `values` is larger than LARGEST [m]. `name` names the values in the error.
+
+    Raises DataError: a value is larger, so it is probably in millimetres.
+    """
     largest = float(np.max(np.abs(values), initial=0.0))
     if largest > LARGEST:
         raise DataError(

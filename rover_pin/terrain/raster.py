@@ -29,6 +29,7 @@ MAX_HEIGHTS = 1 << 24
 its cells are decoded. In every format, reading a map of this size takes 1 GiB of memory or less, including all copies.
 """
 GEOTIFF = (".tif", ".tiff")
+"""Suffixes of GeoTIFF files."""
 SUFFIXES = (*GEOTIFF, ".asc", ".png", ".npy", ".mat")
 """Suffixes of files that are always read as a height map; a CSV is a height map if the width of its cells is given."""
 WHITE = {"L": 255.0, "I;16": 65535.0}
@@ -37,11 +38,14 @@ FILL, CUT = "fill", "cut"
 """Values of the argument `missing`: fill the cells without a height from the cells around them, or keep only the
 largest rectangle of cells with a height."""
 MAX_SHOWN_VALUES = 5
-"""Maximum number of values that an error message lists as probable codes for missing heights."""
+"""Maximum number of values that an error message lists as probable codes for missing heights. Further values are
+reported as "more", so that the message stays readable; a file usually has one code."""
 FILL_SWEEPS = 20
 """Number of times that each filled cell of a height map is replaced by the mean of its neighbours, on the map itself
-and on each coarser copy of the map."""
+and on each coarser copy of the map. Twenty times suffice, because the coarser copies already removed errors of long
+wavelength; more times would take more time."""
 ESRI_HEADER = ("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "nodata_value")
+"""Keys in the header of an ESRI ASCII grid, in small letters."""
 
 
 class Heights(NamedTuple):
@@ -81,7 +85,8 @@ def raster_grid(path: Path, cell: float = 0.0, relief: float = 0.0, missing: str
         The file is a GeoTIFF, and rasterio is not installed.
     """
     suffix = path.suffix.lower()
-    # An argument is refused if the kind of file needs it and does not get it, or gets it and states it itself.
+    # An argument is refused if it is missing although the kind of file needs it, or if it is given although the file
+    # states the value itself.
     states_cell, has_relief = suffix in (*GEOTIFF, ".asc"), suffix == ".png"
     known_kind = suffix in SUFFIXES
     for name, number, needed, meaning in (
@@ -173,8 +178,9 @@ def ground_of(pixels: Any, dx: float, dy: float, where: str, missing: str = "") 
 
 
 def is_esri_grid(path: Path) -> bool:
-    """Return whether a file begins with the header of an ESRI ASCII grid, whatever its suffix. A file that cannot be
-    read gives False.
+    """Return whether a file begins with the header of an ESRI ASCII grid. The suffix of the file does not matter.
+
+    The result is False for a file that cannot be read.
     """
     try:
         head = content(path, MAX_TABLE_BYTES, 200)
@@ -184,9 +190,11 @@ def is_esri_grid(path: Path) -> bool:
 
 
 def _refuse_size(path: Path | str, rows: int, columns: int) -> None:
-    """Raise DataError if a height map has more than MAX_HEIGHTS cells, or fewer than two rows or two columns.
+    """Check that a height map has at most MAX_HEIGHTS cells, and at least two rows and two columns.
 
     Readers call this function before they decode the cells, so that a small compressed file cannot fill the memory.
+
+    Raises DataError: the map has too many cells, or too few rows or columns.
     """
     if rows * columns > MAX_HEIGHTS:
         raise DataError(
@@ -218,7 +226,7 @@ def _grey(path: Path, relief: float) -> np.ndarray:
     from PIL import Image
 
     raw = content(path)
-    # The size is in the first chunk of the file. It is checked here, because Pillow only warns of large pictures.
+    # The first chunk of the file states the size, which is checked here because Pillow only warns of large pictures.
     if raw.startswith(b"\x89PNG\r\n\x1a\n") and len(raw) >= 24:
         columns, rows = struct.unpack(">II", raw[16:24])
         _refuse_size(path, rows, columns)
@@ -360,7 +368,7 @@ def _complete(path: str, heights: Heights, missing: str) -> tuple[np.ndarray, tu
     if gaps.all():
         raise DataError(f"{path}: no cell of the height map has a height.")
     reasons = [f"{np.count_nonzero(gaps)} have none in the file"] if gaps.any() else []
-    # Many files mark missing heights by a number, such as -9999, without a header that says so.
+    # Many files mark missing heights by a number, such as -9999, but do not state this number in a header.
     codes = _codes(z, np.tan(MAX_STEEPNESS) * max(dx, dy))
     if codes:
         reasons += [f"{count} at {value:g}" for value, count in codes[:MAX_SHOWN_VALUES]]
@@ -419,8 +427,9 @@ def _codes(z: np.ndarray, steepest: float) -> list[tuple[float, int]]:
 
 
 def _filled(z: np.ndarray, gaps: np.ndarray) -> np.ndarray:
-    """Return the heights z (rows, columns) with the cells in `gaps` filled so that each filled cell is about the mean
-    of its four neighbours, like a membrane that is stretched over the hole.
+    """Return the heights z (rows, columns) after filling the cells in `gaps`.
+
+    Each filled cell is about the mean of its four neighbours, like a membrane that is stretched over the hole.
 
     The mean over 2 x 2 cells gives a coarser map with smaller gaps. The same function fills the coarser map first; the
     result is the initial guess for the map itself.
@@ -446,18 +455,17 @@ def _filled(z: np.ndarray, gaps: np.ndarray) -> np.ndarray:
 
 def _largest_rectangle(full: np.ndarray) -> tuple[int, int, int, int]:
     """Return the largest rectangle of cells that all have a height, as (first row, end row, first column, end column).
-    The end row and the end column are the first ones outside the rectangle.
 
-    `full` is a boolean array (rows, columns), True where a cell has a height. The algorithm goes through the rows. For
-    each column it keeps the number of full cells directly above, and the range of columns over which a rectangle of
-    this height extends to the left and right.
+    The end row and the end column are directly outside the rectangle. `full` is a boolean array (rows, columns), True
+    where a cell has a height. The algorithm goes through the rows. For each column, it keeps the number of full cells
+    that end in the present row, and the range of columns to which a rectangle of this height can be extended.
     """
     columns = full.shape[1]
     number = np.arange(columns)
     height, left, right = np.zeros(columns, dtype=int), np.zeros(columns, dtype=int), np.full(columns, columns)
     best, rectangle = 0, (0, 0, 0, 0)
     for row, cells in enumerate(full):
-        # An empty cell ends the runs of its column; a full cell continues them.
+        # A full cell makes the run of full cells in its column longer, and an empty cell ends this run.
         height = np.where(cells, height + 1, 0)
         run_left = np.maximum.accumulate(np.where(cells, 0, number + 1))
         run_right = np.minimum.accumulate(np.where(cells, columns, number)[::-1])[::-1]
@@ -517,7 +525,8 @@ def write_geotiff(
     from rasterio import Affine
     from rasterio.io import MemoryFile
 
-    # The arrays hold values at points; in the file they are the middles of cells, hence half a spacing at the edges.
+    # The arrays hold values at points, and the file has cells around these points. Therefore the edges of the file lie
+    # half a spacing outside the outermost points.
     nx, ny = next(iter(bands.values())).shape
     left, bottom = (0.5 * (west + east) + corner[0], 0.5 * (south + north) + corner[1])
     step = Affine(spacing, 0.0, left - 0.5 * spacing, 0.0, -spacing, bottom + (ny - 0.5) * spacing)

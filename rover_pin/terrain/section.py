@@ -25,15 +25,16 @@ from rover_pin.terrain.terrain import HeightGrid, Lanes, Terrain
 
 _LEGENDRE = np.polynomial.legendre.leggauss(10)
 NODES, WEIGHTS = 0.5 * (_LEGENDRE[0] + 1.0), 0.5 * _LEGENDRE[1]
-"""Nodes and weights of the Gauss-Legendre rule with ten points on [0, 1]."""
+"""Nodes and weights of the Gauss-Legendre rule with ten points on [0, 1]. The compiled step uses the same points."""
 
 DEEPEST = 0.98
 """Maximum sinkage of a wheel in the formulas, as a fraction of its radius. A wheel that is deeper gets the forces at
-this sinkage; simulations stop at a much smaller sinkage."""
+this sinkage, because the formulas fail for a wheel whose centre lies below the ground. Simulations stop at a much
+smaller sinkage."""
 
 NORMAL_TOLERANCE = 1e-11
 """Maximum difference between the components of two unit normals. Up to this value, neighbouring facets of one soil are
-joined to one facet."""
+joined to one facet. The value is far above round-off and far below every real corner."""
 
 
 class WheelFrame(NamedTuple):

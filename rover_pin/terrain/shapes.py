@@ -21,9 +21,11 @@ LEAD = 1.0
 """Length of the level ground before and behind a shape [m]. Beyond this length, the first and last piece of the profile
 continue in a straight line."""
 PIECES = 24
-"""Number of straight pieces of a bump, or of one wave of a washboard."""
+"""Number of straight pieces of a bump, or of one wave of a washboard. With 24 pieces, the polyline deviates from the
+curve by less than 1 % of the height of the bump or wave; more pieces would only make the contact slower to compute."""
 ROCK_PIECES = 12
-"""Number of straight pieces of a rock's half circle."""
+"""Number of straight pieces of a rock's half circle. With 12 pieces, neighbouring pieces differ by 15 deg, and the
+polyline deviates from the circle by 1 % of the radius."""
 FIELD_GAP = 0.8
 """Length of the level ground between two parts of the paper's test field [m] (assumed: two lengths of the rover)."""
 DEG = math.pi / 180.0
@@ -33,6 +35,7 @@ FARTHEST = 1e6
 starts. Beyond this value, round-off exceeds a fraction of a millimetre or milliradian."""
 
 FIG_10 = "paper, Fig 10 and section 4"
+"""Source of the sizes of the paper's ditch."""
 Ground = Annotated[int, spec("", "assumed: an index of the model's soils, 0 the sand, 1 the hard ground", 0, 255)]
 Place = Annotated[float, spec("m", "assumed: level ground before it", -FARTHEST, FARTHEST)]
 Seed = Annotated[int, spec("", "assumed: any number gives another ground", 0, 2**53)]
@@ -75,7 +78,7 @@ def incline(angle: Angle, start: Place = 1.0) -> Lanes:
 
 @check_arguments("terrain")
 def growing_slope(rate: Rate = 10.0 * DEG, start: Place = 0.5, steepest: Steepest = 20.0 * DEG) -> Lanes:
-    """Return a slope that begins at `start` [m], whose inclination grows by `rate` [rad/m] until it stays at `steepest`
+    """Return a slope that begins at `start` [m] and becomes steeper by `rate` [rad/m] up to the inclination `steepest`
     [rad].
 
     The height is z = -ln(cos(rate s)) / rate with s = x - start, which is the integral of tan(rate s).
@@ -83,7 +86,7 @@ def growing_slope(rate: Rate = 10.0 * DEG, start: Place = 0.5, steepest: Steepes
     Source: paper, Fig 8: "a slope that has an increasing inclination", 12 deg at t = 25 s, and section 4: up to 20 deg.
     The rate is assumed: 12 deg after 25 s at 0.05 m/s is about 10 deg a metre.
     """
-    # There are as many pieces as make the slope turn by half a degree or less at each corner.
+    # The number of pieces is so large that the slope turns by at most half a degree at each corner.
     pieces = max(2, math.ceil(steepest / (0.5 * DEG)))
     s = np.linspace(0.0, steepest / rate, pieces + 1)
     z = -np.log(np.cos(rate * s)) / rate
@@ -125,9 +128,9 @@ def ditch(depth: Depth = 0.05, width: Width = 0.2, wall_angle: WallAngle = 30.0 
     The floor is width - 2 depth / tan(wall_angle) wide. It has no width if the walls meet at the depth.
 
     Source: paper, Fig 10: "a sandy ditch, which has 0.05 [m] depth and 0.2 [m] width"; section 4 calls the ditch sharp.
-    Assumed: the paper's width is the width at the top. The paper does not state the wall angle [rad], which decides
-    whether the rover gets out; 30 deg is the internal friction angle phi of Table 1, the steepest angle at which its
-    sand is stable without support.
+    Assumed: the paper's width is the width at the top. The paper does not state the wall angle [rad], although this
+    angle decides whether the rover gets out of the ditch. 30 deg is the internal friction angle phi of Table 1, and at
+    steeper angles this sand would slide down.
 
     Raises ParameterError: the walls are so gentle that they meet above the depth.
     """
@@ -169,12 +172,12 @@ def rocks(
     diameters: Diameters = (0.05, 0.10),
     ground: Ground = 1,
 ) -> Lanes:
-    """Return level ground with `count` half-buried round rocks of soil index `ground`. Each rock lies under the left or
-    under the right wheels, at random.
+    """Return level ground with `count` half-buried rocks of soil index `ground`, at random under the left or the right
+    wheels.
 
-    A rock is a half circle in x and z, of ROCK_PIECES straight pieces, and reaches across the whole left or right half
-    of the terrain: it is a half cylinder and not a ball. The rocks lie within `length` [m] from `start` [m] on, and
-    rocks under the wheels of one side do not overlap. `diameters` are the smallest and the largest diameter [m].
+    A rock is a half cylinder across the whole left or right half of the terrain. Its outline in x and z is a half
+    circle of ROCK_PIECES straight pieces. The rocks lie within `length` [m] from `start` [m] on, and rocks under the
+    wheels of one side do not overlap. `diameters` are the smallest and the largest diameter [m].
 
     Source: paper, section 4: "several rocks with the diameter of 5-10 centimeters are scattered over the sand".
     Assumed: their number, that half of each rock is buried, and that they are harder than the sand (section 4.2).
@@ -186,7 +189,7 @@ def rocks(
     check("terrain", "smallest diameter", smallest, bounds)
     check("terrain", "largest diameter", largest, bounds._replace(low=smallest))
     count = int(count)
-    # The sum of the diameters may be off in its last digits.
+    # The small tolerance admits rocks that fill the length exactly, in spite of round-off.
     if count * largest > length * (1.0 + 1e-12):
         raise ParameterError(
             f"{count} rocks with diameters of up to {largest:g} m may not fit into a stretch of {length:g} m: "
@@ -266,10 +269,9 @@ def paper_field(
     rocks_length: RockLength = 1.5,
     size: Size = 1.0,
 ) -> Lanes:
-    """Return the paper's test field: rocks from x = 0.5 m on, then a ditch, then a slope that grows to `steepest` [rad]
-    and stays at this inclination.
+    """Return the paper's test field: rocks from x = 0.5 m on, then a ditch, then a slope up to `steepest` [rad].
 
-    Level ground lies between the three parts.
+    Level ground lies between the three parts, and the slope continues at the inclination `steepest`.
 
     Parameters
     ----------

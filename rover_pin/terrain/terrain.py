@@ -1,9 +1,9 @@
 """The terrain: a height and a soil index at each (x, y).
 
-There are two kinds. `Lanes` are profiles (polylines z(x)) that are extruded sideways, each over its own band of y; they
-keep sharp lips and steep walls. `HeightGrid` interpolates bilinearly between the points of a grid, so that the ground
-may also slope sideways. Soil index 0 is the model's default soil, and higher indices are the further soils of the
-model.
+There are two kinds of terrain. `Lanes` consists of profiles (polylines z(x)), each of which is extruded sideways over
+its own band of y; sharp lips and steep walls are kept. `HeightGrid` interpolates bilinearly between the points of a
+grid, so that the ground may also slope sideways. Soil index 0 is the model's default soil, and higher indices are the
+further soils of the model.
 """
 
 from __future__ import annotations
@@ -33,10 +33,12 @@ point keeps heights exact to 1e-13 m within a kilometre of the profile; up to th
 
 ROUND_OFF = 8.0 * float(np.finfo(float).eps)
 """Maximum distance of a point from a straight line at which the point counts as lying on the line, as a fraction of the
-largest coordinate."""
+largest coordinate. A point at a larger distance is a corner. The value is eight times the round-off of a float, because
+the distance is computed in a few operations."""
 
 ROUGHNESS_SAMPLES = 21
-"""Number of heights along each side of the square in `slope_and_roughness`, which fits a plane to these heights."""
+"""Number of heights along each side of the square in `slope_and_roughness`, which fits a plane to these heights. With
+21 heights, the distance between them is a twentieth of the rover's length, about the width of a small wheel."""
 
 Number = Any
 """A float, or an array of floats; functions with several such arguments broadcast arrays against each other and return
@@ -44,8 +46,9 @@ arrays."""
 
 
 class Extent(NamedTuple):
-    """The box of x and y [m] that contains the given points of a terrain. Each kind of terrain continues beyond its box
-    in its own manner.
+    """The box of x and y [m] that contains the points by which a terrain is given.
+
+    A terrain continues beyond its box: `Lanes` in straight lines, and `HeightGrid` at the height of its border.
     """
 
     x_low: float
@@ -92,8 +95,9 @@ class Terrain(ABC):
         """The box of x and y [m] that contains the given points of the terrain."""
 
     def normal(self, x: Number, y: Number) -> np.ndarray:
-        """Return the unit normal of the terrain at (x, y) [m], which points up. Its three components are the last axis
-        of the result.
+        """Return the unit normal of the terrain at (x, y) [m], which points up.
+
+        The last axis of the result has the three components of the normal.
         """
         slope_x, slope_y = np.broadcast_arrays(*self.gradient(x, y))
         normal = np.stack([-slope_x, -slope_y, np.ones_like(slope_x)], axis=-1)
@@ -157,15 +161,14 @@ class Profile:
         return hash((self.x.tobytes(), self.z.tobytes(), self.ground.tobytes()))
 
     def piece(self, x: Number) -> Any:
-        """Return the index of the straight piece of the polyline at `x` [m], counted from 0. At a corner, the result is
-        the piece towards larger x.
+        """Return the index of the straight piece of the polyline at `x` [m], counted from 0.
+
+        A corner belongs to the piece towards larger x.
         """
         return np.clip(np.searchsorted(self.x, x, side="right") - 1, 0, self.x.size - 2)
 
     def slope(self, x: Number) -> Any:
-        """Return the slope dz/dx of the polyline at `x` [m]. At a corner, the result is the slope of the piece towards
-        larger x.
-        """
+        """Return the slope dz/dx of the polyline at `x` [m]. A corner has the slope of the piece towards larger x."""
         k = self.piece(x)
         return (self.z[k + 1] - self.z[k]) / (self.x[k + 1] - self.x[k])
 
@@ -195,9 +198,9 @@ class Profile:
 
     @lru_cache(maxsize=64)  # noqa: B019 - few profiles, and small
     def without_collinear_points(self) -> Profile:
-        """Return an equal profile without the points that lie inside straight runs of one soil.
+        """Return the same profile without the points inside straight runs of one soil.
 
-        A wheel's contact then does not depend on the number of points that describe a straight run.
+        The contact of a wheel then does not depend on the number of points by which a straight run is given.
         """
         x, z, ground = self.x, self.z, self.ground
         tolerance = ROUND_OFF * max(1.0, float(np.max(np.abs(x))), float(np.max(np.abs(z))))
@@ -205,8 +208,8 @@ class Profile:
         corners = np.ones(len(x), dtype=bool)
         chord = z[:-2] + (x[1:-1] - x[:-2]) * (z[2:] - z[:-2]) / (x[2:] - x[:-2])
         corners[1:-1] = (np.abs(z[1:-1] - chord) > tolerance) | (ground[1:] != ground[:-1])
-        # A bow of many small turns is no straight run, although each point is nearly in line with its neighbours.
-        # Such a run keeps all of its points.
+        # A curve of many small turns is not straight, although each point is nearly in line with its neighbours. Such a
+        # run keeps all of its points.
         bent = np.abs(z - np.interp(x, x[corners], z[corners])) > tolerance
         run = np.cumsum(corners)
         corners |= np.isin(run, run[bent])
@@ -216,8 +219,7 @@ class Profile:
 @final
 @dataclass(frozen=True)
 class Lanes(Terrain):
-    """A terrain of several profiles along x that lie side by side: each profile is extruded over its own band of y,
-    called a lane.
+    """A terrain of profiles along x that lie side by side. Each profile is extruded over its own band of y, its lane.
 
     A wheel above the border of two lanes rests on both lanes; `terrain.section` defines how the wheel's load is
     divided.
@@ -269,8 +271,10 @@ class Lanes(Terrain):
         return _plain(self._by_lane(x, y, [profile.height(x) for profile in self.profiles]))
 
     def gradient(self, x: Number, y: Number) -> tuple[Any, Any]:
-        """Return the slopes (dz/dx, dz/dy) of the terrain at (x, y) [m]. dz/dy is 0 everywhere, because the step
-        between two lanes counts as having no slope.
+        """Return the slopes (dz/dx, dz/dy) of the terrain at (x, y) [m].
+
+        dz/dy is 0 everywhere, because the terrain does not change with y within a lane, and the step between two lanes
+        has no slope.
         """
         slope = self._by_lane(x, y, [profile.slope(x) for profile in self.profiles])
         return _plain(slope), _plain(np.zeros_like(slope))
@@ -382,8 +386,10 @@ class HeightGrid(Terrain):
         return _plain(low * (1 - v) + high * v)
 
     def gradient(self, x: Number, y: Number) -> tuple[Any, Any]:
-        """Return the slopes (dz/dx, dz/dy) of the terrain at (x, y) [m]. Outside the grid the ground is continued at
-        constant height: dz/dx is 0 where x lies outside, and dz/dy is 0 where y lies outside.
+        """Return the slopes (dz/dx, dz/dy) of the terrain at (x, y) [m].
+
+        Outside the grid, the terrain continues at the height of the border. Therefore dz/dx is 0 if x lies outside the
+        grid, and dz/dy is 0 if y lies outside.
         """
         i, j, u, v = self._cell(x, y)
         z = self.z
@@ -406,10 +412,11 @@ class HeightGrid(Terrain):
 
     @property
     def mirror_symmetric(self) -> bool:
-        """Whether the terrain equals its mirror image about the plane y = 0. A grid that does not change with y is
-        symmetric wherever it lies.
+        """Whether the terrain equals its mirror image about the plane y = 0.
+
+        A grid whose heights do not change with y is always symmetric, because its border continues them at every y.
         """
-        # A terrain that does not change with y stays so outside the grid, wherever the grid lies.
+        # If the heights do not change with y, the position of the grid does not matter.
         level = np.allclose(self.z, self.z[:, :1], rtol=0.0, atol=1e-12) and np.all(self.ground == self.ground[:, :1])
         centred = abs(self.extent.y_low + self.extent.y_high) <= 1e-12
         mirrored = np.allclose(self.z, self.z[:, ::-1], rtol=0.0, atol=1e-12) and np.all(
@@ -424,8 +431,9 @@ class HeightGrid(Terrain):
         return Extent(self.x0, self.x0 + (nx - 1) * self.dx, self.y0, self.y0 + (ny - 1) * self.dy)
 
     def _cell(self, x: Number, y: Number) -> tuple[Any, Any, Any, Any]:
-        """Return the indices (i, j) of the cell that contains (x, y) [m], and the position (u, v) within the cell, each
-        from 0 to 1. Outside the grid, the result is the nearest point of the nearest cell.
+        """Return the cell that contains (x, y) [m] by its indices (i, j), and the position (u, v) in this cell.
+
+        u and v run from 0 to 1. Outside the grid, the result is the nearest point of the nearest cell.
         """
         nx, ny = self.z.shape
         u, v = np.clip((x - self.x0) / self.dx, 0.0, nx - 1.0), np.clip((y - self.y0) / self.dy, 0.0, ny - 1.0)
@@ -438,8 +446,8 @@ def slope_and_roughness(terrain: Terrain, x: np.ndarray, y: np.ndarray, side: fl
 
     In each square, the plane z = z_0 + a u + b v is fitted by least squares to ROUGHNESS_SAMPLES x ROUGHNESS_SAMPLES
     heights, where u and v are measured from the middle of the square. The slope is atan sqrt(a^2 + b^2), and the
-    roughness is the root mean square of the heights about the plane. A height grid has no detail between its points, so
-    that a real terrain is rougher than a grid of wide cells.
+    roughness is the root mean square of the heights about the plane. A height grid has no detail between its points.
+    Therefore the roughness of a grid with wide cells is smaller than the roughness of the real terrain.
 
     Parameters
     ----------
@@ -509,7 +517,9 @@ def soil_indices(values: Any, shape: tuple[int, ...], owner: str, element: str) 
 
 
 def check_steepness(rise: np.ndarray, run: Any, where: Callable[[int], str]) -> None:
-    """Raise ParameterError if a piece of terrain is steeper than MAX_STEEPNESS.
+    """Check that no piece of terrain is steeper than MAX_STEEPNESS.
+
+    Raises ParameterError: a piece is steeper.
 
     Parameters
     ----------
@@ -543,7 +553,5 @@ def arrays_equal(first: Any, second: Any, *names: str) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """Return a number without the array around it: an array without dimensions becomes a Python float or int, and any
-    other value is returned unchanged.
-    """
+    """Return an array without dimensions as a Python float or int, and any other value unchanged."""
     return value.item() if np.ndim(value) == 0 and isinstance(value, (np.ndarray, np.generic)) else value
