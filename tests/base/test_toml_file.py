@@ -25,13 +25,13 @@ def test_the_depth_of_a_key_is_limited_before_parsing(toml, name, form, join):
     """20,000 names took 2 GB; the refusal takes neither time nor memory, and names the line."""
     assert read_toml(toml(form.format(join.join([name] * MAX_KEY_PARTS)))) != {}
     file = toml("y = '''\n\n'''\n" + form.format(join.join([name] * 20_000)))
-    begin = time.perf_counter()
+    begin = time.process_time()
     tracemalloc.start()
     with pytest.raises(DataError, match=rf"line 4: .*{MAX_KEY_PARTS}"):
         read_toml(file)
     assert tracemalloc.get_traced_memory()[1] < 4e6
     tracemalloc.stop()
-    assert time.perf_counter() - begin < 2.0
+    assert time.process_time() - begin < 2.0
 
 
 def test_dots_in_texts_and_comments_are_no_keys(toml):
@@ -47,12 +47,12 @@ def test_dots_in_texts_and_comments_are_no_keys(toml):
 def test_no_text_makes_the_check_slow(toml, filler):
     """The largest file that is allowed, of one mark only."""
     file = toml(filler * (MAX_TOML // len(filler)))
-    begin = time.perf_counter()
+    begin = time.process_time()
     try:
         assert read_toml(file) == {}
     except DataError as error:
         assert "a.toml" in str(error)  # noqa: PT017
-    assert time.perf_counter() - begin < 10.0
+    assert time.process_time() - begin < 10.0
 
 
 def test_a_larger_file_is_refused(toml):
