@@ -80,8 +80,9 @@ class Trust:
     def refuse_elsewhere(self, table: object, file: Path) -> None:
         """Check that a table of a file refers to no file in another folder.
 
-        `file` is the file that holds the table, at any depth of which a text may be a path. A path may lead into the
-        folder of `file`. It may also lead into the working directory, because relative paths begin there.
+        `file` is the file that holds the table. Every text in the table and in its inner tables is checked, because any
+        text can be a path. A path may lead into the folder of `file`, or into the working directory, because relative
+        paths begin there.
 
         Raises DataError: a path leads to another folder, by '..', as an absolute path, or through a link.
         """

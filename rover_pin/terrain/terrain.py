@@ -92,7 +92,7 @@ class Terrain(ABC):
     @property
     @abstractmethod
     def extent(self) -> Extent:
-        """The box of x and y [m] that contains the given points of the terrain."""
+        """The box of x and y [m] that contains the points by which the terrain is given (see `Extent`)."""
 
     def normal(self, x: Number, y: Number) -> np.ndarray:
         """Return the unit normal of the terrain at (x, y) [m], which points up.

@@ -389,7 +389,10 @@ def _attribute(element: ET.Element | None, key: str, where: str, default: float 
 
 
 def _name(element: ET.Element, file: str) -> str:
-    """Return the name of a `<link>` or `<joint>` element; an error is raised if it has none."""
+    """Return the name of a `<link>` or `<joint>` element.
+
+    Raises UrdfError: the element has no name.
+    """
     name = element.get("name")
     if not name:
         raise UrdfError(f"{file}: a <{element.tag}> has no name; give it one.")

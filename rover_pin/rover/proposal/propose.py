@@ -37,8 +37,9 @@ MIN_TRAIL = 0.25
 """Smallest distance of a castor's centre from its swivel axis, divided by the wheel's radius. With a smaller distance,
 the wheel counts as a steered wheel, because designers put the axis of steering close to the wheel's centre."""
 MAX_COSINE = 0.3
-"""Largest cosine of the angle between axle and swivel axis that counts as a right angle. It allows 17 deg of deviation,
-because steered wheels can have caster and camber."""
+"""Largest cosine of the angle between the axle and the swivel axis of a castor. If the cosine is larger, the two axes
+are not at right angles, and the wheel is not a castor. The value allows a deviation of 17 deg, because the axes of real
+castors can be inclined."""
 ROLLER = r"mecanum|omni|(?<![a-z])rollers?(?![a-z])"
 """Pattern in the names of the rollers of an omnidirectional wheel."""
 TRACK = r"idler|sprocket|(?<![a-z])(?:tracks?|treads?|belts?)(?![a-z])"
