@@ -2,7 +2,7 @@
 in the order of `FILES`.
 
 Start at `step.c`, whose last function is the whole step; `loop.c` calls it. `plain/step.py` contains this step in
-readable Python.
+readable Python. `dual.py` translates the C code to dual numbers, for the derivatives of a drive.
 """
 
 from rover_pin.base.files.paths import text_of_package
