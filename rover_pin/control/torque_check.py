@@ -91,6 +91,12 @@ class TorqueLimit:
         """
         return cls(model.motor, tuple(tuple(bounds.limit) for bounds in _bounds(model, slip_limit)))
 
+    def scaled(self, factor: float) -> Self:
+        """Return the torque limit with all torques multiplied by a factor, for a soil that may be stronger."""
+        return dataclasses.replace(
+            self, torques=tuple(tuple(factor * torque for torque in row) for row in self.torques)
+        )
+
     def torque(self, pitch: float) -> np.ndarray:
         """Return the largest torque of each wheel [N m] at a pitch of the body [rad].
 

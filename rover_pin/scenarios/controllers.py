@@ -1,9 +1,12 @@
 """The ready-made controllers that the words of the setting `control` name. Start at `controller_from`."""
 
+import dataclasses
 import math
+from pathlib import Path
 
 from rover_pin.base.arguments import spec
-from rover_pin.base.errors import ParameterError
+from rover_pin.base.errors import ParameterError, one_of
+from rover_pin.base.files.paths import is_file, is_folder
 from rover_pin.base.public import SHORT, fits, words
 from rover_pin.base.quantity import parse_quantity
 from rover_pin.base.settings import Settings
@@ -15,11 +18,13 @@ from rover_pin.control.motion.servo import HeldSpeeds, Servo, cruise_speed
 from rover_pin.control.open_loop import ConstantDuty, Crab, Turn
 from rover_pin.control.sensing.odometry import Camera, TrackedSlip, Tracker, VisualOdometry
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
+from rover_pin.control.sensing.soil_belief import BeliefSD, ControllerBelief, highest_strength
 from rover_pin.control.sensing.stop import Stop, StopStuck
 from rover_pin.control.slip_control import HOLE_GAINS, Gains, HoleLaw, SlipControl, load_gains, load_hole
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.torque_check import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.effects.motion_resistance import MotionResistance
+from rover_pin.parameters import SOILS
 from rover_pin.rover.wheel_base import base_of, effective_track
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.cruise import CRUISE_DUTY
@@ -46,6 +51,9 @@ STOPS = {"stuck": True, "never": False}
 SEED = 1
 """Default seed of the random noise of a camera or a tracker."""
 NOISE_SEED = spec("", "assumed: any whole number", 0.0, 2.0**31)
+UNKNOWN, PLANT = "unknown-sand", "plant"
+"""Words of the setting `control.believes`: the controller knows nothing about the sand, or knows the model that is
+driven."""
 LIMITS = ("none", "saturation", "at-slip")
 """Words of the setting `control.limit`, which chooses how the control limits the wheel torque."""
 
@@ -115,11 +123,48 @@ def controller_from(request: Settings, model: Model, trust: Trust) -> Controller
     if kind == "camera":
         camera = Camera(**request.record("control.camera", Camera))
         odometry = VisualOdometry(camera, CONTROL_PERIOD, _seed(request))
-    estimate = OnboardSlip.of(model, odometry=odometry)
-    slip_control = _slip_control(request, model, estimate, "hole")
+    # The estimate and the torque check know only what the controller believes, which is not the model that is driven.
+    belief = _belief(request, model, trust)
+    estimate = OnboardSlip.of(belief, odometry=odometry)
+    slip_control = _slip_control(request, belief.model, estimate, "hole")
+    if isinstance(slip_control.limit, TorqueLimit):
+        # The check must not cut a torque that the strongest soil of the belief can bear.
+        limit = slip_control.limit.scaled(highest_strength(belief.sd))
+        slip_control = dataclasses.replace(slip_control, limit=limit)
     # A rover that is stuck would dig itself in, so that the on-board estimates stop it by default.
     stop = request.choice("control.stop", "stuck", STOPS, "beyond the paper: a rover that is stuck digs itself in")
     return StopStuck(slip_control, estimate, Stop(**request.record("control.stop", Stop))) if stop else slip_control
+
+
+def _belief(request: Settings, model: Model, trust: Trust) -> ControllerBelief:
+    """Return what the controller believes about the soil, from the settings `control.believes` and
+    `control.believes.FIELD`.
+
+    `model` is the model that is driven. The controller knows its rover, motors and gravity, and its soil only with
+    `control.believes=plant`.
+    """
+    source = "unknown-sand, plant, rover-pin list soils, a model file, or a folder of model files"
+    word = str(request.take("control.believes", UNKNOWN, (UNKNOWN, PLANT, *SOILS), source))
+    if word == PLANT:
+        belief = ControllerBelief.of_plant(model)
+    elif word == UNKNOWN:
+        belief = ControllerBelief.unknown_sand(model)
+    elif is_file(Path(word)) or is_folder(Path(word)):
+        belief = ControllerBelief.of_file(word, trust)
+    else:
+        belief = ControllerBelief.of_soil(model, one_of("control.believes", word, (UNKNOWN, PLANT, *SOILS)))
+    sd = belief.sd.replace(**request.record("control.believes", belief.sd))
+    return dataclasses.replace(belief, sd=sd)
+
+
+def belief_note(controller: Controller) -> tuple[str, ...]:
+    """Return a tuple with a sentence on what the controller believes about the soil. The tuple is empty if the
+    controller does not estimate the slip on board.
+    """
+    estimate = getattr(controller, "estimate", None)
+    if not isinstance(estimate, OnboardSlip) or estimate.believed is None:
+        return ()
+    return (estimate.believed.sentence,)
 
 
 def drives_straight(request: Settings) -> bool:

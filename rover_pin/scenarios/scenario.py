@@ -33,7 +33,7 @@ from rover_pin.parameters.gravity import GRAVITIES, gravity_named
 from rover_pin.rover.rover import Rover, load_rover
 from rover_pin.scenarios.assumptions import Assumption, assumptions_of
 from rover_pin.scenarios.composed_model import ComposedModel, as_it_cruises, compose_model, on_its_side
-from rover_pin.scenarios.controllers import controller_from, drives_straight, turning_note
+from rover_pin.scenarios.controllers import belief_note, controller_from, drives_straight, turning_note
 from rover_pin.scenarios.drive_file import is_drive_file, with_drive_file, write_drive
 from rover_pin.scenarios.scenes import SCENES, Scene, scale_arguments
 from rover_pin.simulation.command import Controller
@@ -304,6 +304,9 @@ def scenario(name: str | Path, /, **settings: Any) -> Scenario:
         - `control.FIELD`; `control.gains`: a file of tuned gains
         - `control.aim`: the desired slip, constant or hole (it follows the depth of each wheel's hole);
           `control.stop`: stuck or never, with onboard and camera
+        - `control.believes`: what the on-board estimate knows about the soil: unknown-sand (default), plant (it knows
+          the model that is driven), a name of SOILS, a model file, or a folder of model files such as a loop's
+          posterior; `control.believes.FIELD`: the uncertainty, of `BeliefSD`
         - `control.limit`: the torque check, none, saturation (default with a slip control) or at-slip (default with
           limit); `control.slip_limit`
 
@@ -377,7 +380,7 @@ def _compose_scenario(name: str, settings: Mapping[str, Any]) -> tuple[Scenario,
     model, assumed, _ = _model(scene, request, trust)
     assumed = tuple(line for line in assumed if line.partition(":")[0] not in record_names)
     controller = controller_from(request, model, trust)
-    assumed = (*assumed, *turning_note(request, model, controller))
+    assumed = (*assumed, *turning_note(request, model, controller), *belief_note(controller))
     start = Start(**request.arguments("start", Start))
     # The duration comes last, because a route determines it, and slower rovers get more time.
     dt = request.number("dt", Timing().dt, STEP)

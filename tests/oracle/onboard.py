@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 WORD = 2**64
-PARTICLES, DT = 200, 0.05
+PARTICLES, DT = 216, 0.05
 SLIP_LENGTH, HOLE_LENGTH, DEEPEST, REST = 0.031, 0.04, 0.5, 0.001
 """Travel over which slip builds up and travel over which a wheel leaves its hole [m]; depth over r beyond which a hole
 does not deepen; speed below which a wheel counts as resting [m/s]."""
@@ -107,14 +107,21 @@ class PlainBelief:
     """The particle filter of the on-board slip estimate: each particle has a speed, a mode, and slip and hole per
     wheel."""
 
-    def __init__(self, radii, factors, torque_per_current, ground, lag=0, odometry_sd=1.0):
-        """Set up the filter. `ground` is a function of posture, its rates and torques that returns the rows of ROWS."""
+    def __init__(self, radii, factors, softness, resistance, torque_per_current, ground, lag=0, odometry_sd=1.0):
+        """Set up the filter.
+
+        `factors` has a row and `softness` a number for each soil that is considered. `resistance` is (R, SD of R,
+        relative SD of all torques). `ground` is a function of posture, its rates and torques that returns the rows of
+        ROWS.
+        """
         self.r, self.F, self.kappa, self.ground = np.array(radii), np.array(factors), torque_per_current, ground
+        self.resistance, self.softness = resistance, np.repeat(softness, PARTICLES // len(softness))
+        self.p_soil = np.full(len(softness), 1.0 / len(softness))
         self.lag, self.odometry_sd = lag, odometry_sd
         chance_source, n = Chance.of_sample(-1), len(self.r)
         begin = chance_source.many(PARTICLES, 2)
         self.share, self.stalled = 1.1 * begin[:, 0], begin[:, 1] < 0.1
-        self.log_weight, self.way = np.zeros(PARTICLES), np.zeros(PARTICLES)
+        self.log_weight, self.way = -np.log(self.softness), np.zeros(PARTICLES)
         self.slip, self.hole = np.zeros((n, PARTICLES)), np.zeros((n, PARTICLES))
         self.samples, self.past, self.travels = [], [], []
         self.k, self.backwards, self.wall, self.rolled, self.no_progress = 0, False, 0.0, 0.0, False
@@ -130,6 +137,8 @@ class PlainBelief:
         if len(self.samples) >= 6:
             rise = scatter(self.under["rise"])
             self.log_weight += DT / 0.5 * fold_log_density(self.travel, rise, self.bend, min(self.wall, 1.0))
+        if self.resistance[1] > 0.0 and len(self.samples) >= 6 and not backwards and self.pace >= 0.002:
+            self._balance()
         if self.k % 5 == 0:
             self._look_back()
         if self.lag:
@@ -152,7 +161,7 @@ class PlainBelief:
         self.factor = torque / (self.r * np.maximum(load, 0.5))
         self.bend = scatter(self.under["slope"])
         highest = max(0.0, *self.factor[self.tells]) if self.tells.any() else 0.0
-        excess = max(highest / self.F.max() - 1.1, 0.0) if self.bend > 0.04 else 0.0
+        excess = max(highest / (self.p_soil @ self.F.max(axis=1)) - 1.1, 0.0) if self.bend > 0.04 else 0.0
         self.wall += -math.expm1(-DT / 0.31) * (min(excess / 0.3, 1.0) - self.wall)
 
     def _move(self, backwards):
@@ -167,7 +176,7 @@ class PlainBelief:
             share, stalled = 0.3 + 0.7 * d[0], d[1] < 0.1
         frees = stalled & (d[2] < 0.2 * DT)
         stalled = np.where(stalled, ~frees, d[2] < falls)
-        share = np.where(frees, 0.6 * d[0], share + 0.25 * math.sqrt(DT) * normal)
+        share = np.where(frees, 0.6 * d[0], share + 0.25 * self.softness * math.sqrt(DT) * normal)
         share = np.where(~stalled & (d[3] < 0.02 * DT), -0.2 + 1.4 * d[1], share)
         self.share = np.where(stalled, 0.03 * normal, np.clip(share, -0.4, 1.4))
         self.stalled, self.backwards = stalled, backwards
@@ -185,8 +194,22 @@ class PlainBelief:
             self.slip[w] += step * (rim - v - rolling * self.slip[w]) / SLIP_LENGTH
             self.hole[w] = np.maximum(self.hole[w] + DT * deepening(0.15, v, rim, self.r[w], self.hole[w]), 0.0)
             if self.tells[w]:
-                odds *= torque_density(at_slip(self.F, self.slip[w]), self.factor[w], share)
+                blocks = zip(self.F, np.split(self.slip[w], len(self.F)), strict=True)
+                expected = np.concatenate([at_slip(table, slip) for table, slip in blocks])
+                odds *= torque_density(expected, self.factor[w], share)
         self.log_weight = self.log_weight + np.log(odds) * DT / 0.3
+
+    def _balance(self):
+        """Weigh the particles by thrust minus slope minus R minus the resistance of the holes, over the weight."""
+        R, R_sd, torque_sd = self.resistance
+        share = np.maximum(self.under["load"], 0.0)
+        share = share / share.sum()
+        thrust = share @ self.factor
+        excess = thrust - share @ self.under["slope"] - R - share @ self.hole / HOLE_LENGTH
+        excess = np.where(excess < 0.0, excess * np.minimum(np.abs(self.share) / 0.12, 1.0), excess)
+        variance = 0.02**2 + R_sd**2 + (torque_sd * thrust) ** 2 + self.bend**2 + (0.5 * self.wall) ** 2
+        density = np.exp(-0.5 * excess**2 / variance) / np.sqrt(2.0 * math.pi * variance)
+        self.log_weight = self.log_weight + DT / 1.0 * np.log(0.9 * density + 0.1 / 2.0)
 
     def _look_back(self):
         """Weigh the particles by the largest relative change of the wheels' heights within 2 s and within 4 s."""
@@ -215,18 +238,30 @@ class PlainBelief:
             for table, mean in zip((self.slip, self.hole), means, strict=True)
         ]
         self.told = np.array([np.clip(means[0], -1.0, 1.0), sds[0], means[1], sds[1]]).T
-        if 1.0 / np.sum(self.weight**2) < 0.5 * PARTICLES:
-            self._resample()
+        self._resample()
 
     def _resample(self):
-        places = (np.arange(PARTICLES) + self.chance.next()) / PARTICLES
-        pick = np.minimum(np.searchsorted(np.cumsum(self.weight), places), PARTICLES - 1)
+        """Draw the particles of each soil anew if few of them have most of its weight, and forget evidence."""
+        soils, memory = len(self.F), min(25.0, 0.5 * DT * (self.k + 2))
+        M = PARTICLES // soils
+        self.p_soil = self.weight.reshape(soils, M).sum(axis=1)
+        kept = np.log(np.maximum(self.p_soil, 0.05 * self.p_soil.max()) * soils) * (1.0 - DT / memory)
+        pick, few = np.arange(PARTICLES), np.zeros(soils, dtype=bool)
+        for c, weight in enumerate(self.weight.reshape(soils, M)):
+            places, whole = (np.arange(M) + self.chance.next()) / M, max(weight.sum(), 1e-300)
+            few[c] = whole**2 < 0.5 * M * np.sum(weight**2)
+            if few[c]:
+                pick[c * M : (c + 1) * M] = c * M + np.minimum(
+                    np.searchsorted(np.cumsum(weight), places * whole), M - 1
+                )
+        with np.errstate(divide="ignore"):
+            within = np.log(self.weight.reshape(soils, M) * M / np.maximum(self.p_soil, 1e-300)[:, None])
+        self.log_weight = (np.where(few[:, None], 0.0, within) + kept[:, None]).ravel()
         for name in ("share", "stalled", "travel", "way"):
             setattr(self, name, getattr(self, name)[pick])
         self.slip, self.hole = self.slip[:, pick], self.hole[:, pick]
         self.past = [(*row[:3], row[3][pick]) for row in self.past]
         self.travels = [row[pick] for row in self.travels]
-        self.log_weight = np.zeros(PARTICLES)
 
 
 RATES, PRIOR = np.array([0.0, 0.05, 0.1, 0.15, 0.2]), np.array([0.5, 0.125, 0.125, 0.125, 0.125])

@@ -1,7 +1,7 @@
 /* The particle filter of the on-board slip estimate: `rover_pin_sense` takes in one sample of the sensors.
 
    Each particle has a mode (moving or stalled), a forward speed of the base, and for each wheel a slip and the depth of
-   its hole. A sample moves the particles on by one period and weighs them by the readings. The class OnboardSlip in
+   its hole. The particles are in blocks of equal size, and each block assumes another soil. A sample moves the particles on by one period and weighs them by the readings. The class OnboardSlip in
    onboard_slip.py describes the model, laws.py the densities, and belief.py the fields of the struct Belief. */
 #include <math.h>
 #include <string.h>
@@ -49,6 +49,14 @@ static real deviation(const real *values, integer n) {
   return sum / n;
 }
 
+/* Return the largest torque factor of the soil that a block of particles assumes. */
+static real greatest_factor(const Belief *b, integer block) {
+  const real *F = b->factors + block * N_FACTORS;
+  real greatest = F[0];
+  for (integer k = 1; k < N_FACTORS; ++k) greatest = fmax(greatest, F[k]);
+  return greatest;
+}
+
 /* Reset the belief to the start of a drive: any speed is possible, no wheel slips, and no hole is dug. */
 void rover_pin_forget(Belief *b) {
   b->random = chance_of(-1);
@@ -59,8 +67,13 @@ void rover_pin_forget(Belief *b) {
   for (integer i = 0; i < b->N; ++i) {
     b->ratio[i] = within(0.0, 1.1, next_chance(&b->random));
     b->stalled[i] = next_chance(&b->random) < 0.1;
-    b->log_weight[i] = b->distance[i] = 0.0;
+    b->distance[i] = 0.0;
+    /* The torque that the ground demands does not depend on the soil. Equally likely slips would mean otherwise: in a
+       soft soil more of them fit a torque. The weight 1 / softness is the Jacobian dF/ds that corrects this. */
+    b->log_weight[i] = -log(b->softness[i / (b->N / b->n_soils)]);
   }
+  b->max_factor = 0.0;
+  for (integer c = 0; c < b->n_soils; ++c) b->max_factor += greatest_factor(b, c) / b->n_soils;
 }
 
 /* Keep a sample, and compute the means of the latest samples and the rates of the posture.
@@ -133,8 +146,9 @@ static void move_particles(Belief *b, int backwards) {
     }
     const int frees = stalled && drawn[2] < b->frees * dt;
     stalled = (stalled && !frees) || (!stalled && drawn[2] < stall_chance);
-    /* A random walk of the speed; a particle that comes free, or is surprised, gets a new speed. */
-    ratio += b->wander * sqrt(dt) * b->chance[i];
+    /* A random walk of the speed, with larger steps in a softer soil, so that the steps of the torque are equal in all
+       soils. A particle that comes free, or is surprised, gets a new speed. */
+    ratio += b->wander * b->softness[i / (b->N / b->n_soils)] * sqrt(dt) * b->chance[i];
     if (frees) ratio = within(0.0, 0.6, drawn[0]);
     if (!stalled && drawn[3] < b->surprise * dt) ratio = within(-0.2, 1.2, drawn[1]);
     b->ratio[i] = stalled ? 0.03 * b->chance[i] : fmin(fmax(ratio, -0.4), 1.4);
@@ -165,7 +179,8 @@ static void advance_wheels(Belief *b) {
       memcpy(slip, result, sizeof F);
       memcpy(hole, result + LANES, sizeof F);
       if (!b->informative[w]) continue;
-      for (int lane = 0; lane < LANES; ++lane) F[lane] = at_slip(b->factors, slip[lane]);
+      const real *factors = b->factors + i / (N / b->n_soils) * N_FACTORS;
+      for (int lane = 0; lane < LANES; ++lane) F[lane] = at_slip(factors, slip[lane]);
       torque_law(F, reading, result);
       for (int lane = 0; lane < LANES; ++lane) b->likelihood[i + lane] *= result[lane];
     }
@@ -181,6 +196,32 @@ static void weigh(Belief *b, lanes_law law, const real *numbers, const real *sha
     law(numbers + i, shared, result);
     for (int lane = 0; lane < LANES; ++lane) b->log_weight[i + lane] += factor * result[lane];
   }
+}
+
+/* Weigh the particles by the balance of forces along the ground, if the constants of the resistance are uncertain.
+
+   The pull of the wheels, minus the slope, equals the motion resistance plus the resistance of the holes that the wheels
+   climb out of. A rover that stands needs less than this resistance. */
+static void weigh_by_balance(Belief *b) {
+  const integer n = b->n;
+  real load = 0.0, thrust = 0.0, slope = 0.0, share[MAX_WHEELS];
+  if (!(b->resistance_sd > 0.0) || b->backwards || !b->rates_known || b->pace < b->floor) return;
+  for (integer w = 0; w < n; ++w) load += share[w] = fmax(b->under[LOAD * n + w], 0.0);
+  if (load < MIN_LOAD) return;
+  for (integer w = 0; w < n; ++w) {
+    share[w] /= load;
+    thrust += share[w] * b->factor[w];
+    slope += share[w] * b->under[SLOPE * n + w];
+  }
+  const real scale = b->torque_sd * thrust, wall = b->wall_error * b->wall;
+  const real variance[1] = {b->resistance_sd * b->resistance_sd + scale * scale + b->bend * b->bend + wall * wall};
+  for (integer i = 0; i < b->N; ++i) {
+    real excess = thrust - slope - b->resistance;
+    for (integer w = 0; w < n; ++w) excess -= share[w] * b->hole[w * b->N + i] / b->hole_length;
+    const real moving = fmin(fabs(b->ratio[i]) / STANDING_RATIO, 1.0);
+    b->likelihood[i] = excess < 0.0 ? excess * moving : excess;
+  }
+  weigh(b, balance_law, b->likelihood, variance, b->period / b->balance_correlated);
 }
 
 /* Once in every stride: weigh the particles by how the posture has changed over STILL and over PAST - 1 strides.
@@ -212,18 +253,16 @@ static void weigh_by_posture(Belief *b) {
   }
 }
 
-/* Scale the weights to the sum 1, and compute the estimates: means and SDs of slips and holes, P(the rover stands).
-
-   Return the effective number of particles, 1 / sum(weight^2). */
-static real compute_estimates(Belief *b) {
+/* Scale the weights to the sum 1, and compute the estimates: means and SDs of slips and holes, P(the rover stands). */
+static void compute_estimates(Belief *b) {
   const integer n = b->n, N = b->N;
-  real highest = b->log_weight[0], sum = 0.0, squares = 0.0;
+  real highest = b->log_weight[0], sum = 0.0;
   for (integer i = 0; i < N; ++i) highest = fmax(highest, b->log_weight[i]);
   for (integer i = 0; i < N; ++i) sum += b->weight[i] = exp(b->log_weight[i] -= highest);
   b->stuck = b->speed = 0.0;
   for (integer i = 0; i < N; ++i) {
     const real p = b->weight[i] /= sum;
-    squares += p * p;
+    b->log_weight[i] -= log(sum / N); /* the logarithm of N times the weight */
     b->speed += p * b->travel[i];
     if (b->stalled[i] > 0.0 || b->ratio[i] < STANDING_RATIO) b->stuck += p;
   }
@@ -240,7 +279,6 @@ static real compute_estimates(Belief *b) {
     estimates[0] = fmin(fmax(s, -1.0), 1.0); estimates[1] = sqrt(ss);
     estimates[2] = d; estimates[3] = sqrt(dd);
   }
-  return 1.0 / squares;
 }
 
 /* Reorder a row of N particles: each particle gets the value of its parent. */
@@ -249,23 +287,47 @@ static void copy_parents(Belief *b, real *row) {
   memcpy(row, b->chance, b->N * sizeof(real));
 }
 
-/* Draw new particles of equal weight, each a copy of an old particle, in proportion to the old weights.
+/* Compute the probability of each soil, and draw new particles of equal weight in each block that needs them.
 
-   The draws are evenly spaced (systematic resampling), which adds less noise than independent draws. */
+   A block needs new particles if few of them have most of its weight. The new particles are copies of the old ones, in
+   proportion to the old weights; their common weight keeps the probability of the soil. The draws are evenly spaced
+   (systematic resampling), which adds less noise than independent draws. A block is drawn from itself only, so that no
+   soil is lost. A soil whose particles have not found the speed of the rover yet seems improbable for a while, so that
+   the evidence against a soil is limited, and is forgotten: within the time `memory`, and sooner after the start. */
 static void resample(Belief *b) {
-  const real first = next_chance(&b->random);
-  real sum = b->weight[0];
-  integer k = 0;
-  for (integer i = 0; i < b->N; ++i) {
-    while (k < b->N - 1 && sum < (i + first) / b->N) sum += b->weight[++k];
-    b->parent[i] = k;
+  const integer M = b->N / b->n_soils;
+  const real memory = fmin(b->memory, 0.5 * b->period * (b->k + 2));
+  integer changed = 0;
+  real most = 0.0;
+  for (integer c = 0; c < b->n_soils; ++c) {
+    b->p_soil[c] = 0.0;
+    for (integer i = 0; i < M; ++i) b->p_soil[c] += b->weight[c * M + i];
+    most = fmax(most, b->p_soil[c]);
   }
+  b->max_factor = 0.0;
+  for (integer c = 0; c < b->n_soils; ++c) {
+    const real *weight = b->weight + c * M, whole = fmax(b->p_soil[c], 1e-300);
+    b->max_factor += b->p_soil[c] * greatest_factor(b, c);
+    const real evidence = log(whole * b->n_soils);
+    const real kept = log(fmax(whole, LEAST_ODDS * most) * b->n_soils) * (1.0 - b->period / memory);
+    const real first = next_chance(&b->random);
+    real squares = 0.0, sum = weight[0];
+    for (integer i = 0; i < M; ++i) squares += weight[i] * weight[i];
+    const int few = whole * whole < 0.5 * M * squares;
+    integer k = 0;
+    for (integer i = 0; i < M; ++i) {
+      while (few && k < M - 1 && sum < (i + first) / M * whole) sum += weight[++k];
+      b->parent[c * M + i] = c * M + (few ? k : i);
+      b->log_weight[c * M + i] = few ? kept : b->log_weight[c * M + i] - evidence + kept;
+    }
+    changed += few;
+  }
+  if (!changed) return;
   real *rows[] = {b->ratio, b->stalled, b->travel, b->distance};
   for (int r = 0; r < 4; ++r) copy_parents(b, rows[r]);
   for (integer w = 0; w < b->n; ++w) copy_parents(b, b->slip + w * b->N), copy_parents(b, b->hole + w * b->N);
   for (integer r = 0; r < PAST; ++r) copy_parents(b, b->past_distance + r * b->N);
   for (integer r = 0; r < b->lag + 1; ++r) copy_parents(b, b->past_travel + r * b->N);
-  memset(b->log_weight, 0, b->N * sizeof(real));
 }
 
 /* Weigh the particles by visual odometry: `late` is the measured speed `lag` samples ago, or NaN if there is none. */
@@ -294,9 +356,11 @@ void rover_pin_sense(Belief *b, const real *sample, integer backwards, real late
     const real shared[3] = {deviation(b->under + RISE * b->n, b->n), b->bend, fmin(b->wall, 1.0)};
     weigh(b, fold_law, b->travel, shared, b->period / b->rise_correlated);
   }
+  weigh_by_balance(b);
   weigh_by_posture(b);
   if (b->lag) weigh_by_odometry(b, late);
-  /* When few particles have most of the weight, the others are replaced by copies of them. */
-  if (compute_estimates(b) < 0.5 * b->N) resample(b);
+  compute_estimates(b);
+  /* When few particles of a block have most of its weight, the others are replaced by copies of them. */
+  resample(b);
   ++b->k;
 }

@@ -17,8 +17,9 @@ from rover_pin.simulation.compiled.toolchain import shared_library
 from rover_pin.simulation.native import lanes
 from rover_pin.simulation.native.shared import fill, members, struct_fields
 
-PARTICLES = 200
-"""Number of particles of the filter that estimates the slip on board."""
+PARTICLES = 216
+"""Number of particles of the filter that estimates the slip on board. They are in blocks of equal size, one for each soil
+that the filter considers, so that the number is a multiple of the number of soils times the SIMD lanes."""
 LENGTHS = {
     "MAX_WHEELS": 48,  # largest number of wheels of a rover
     "N_FACTORS": 201,  # slips at which the torque factor F is tabulated
@@ -35,6 +36,7 @@ THRESHOLDS = {
     "MIN_LOAD": 0.5,  # load of a wheel below which its torque is not used [N]
     "MIN_RIM": 5e-4,  # rim speed of a wheel below which its torque is not used [m/s]
     "MIN_BEND": 0.04,  # bend of the ground below which the ground counts as even [-]
+    "LEAST_ODDS": 0.05,  # least probability of a soil, relative to the most probable soil
     "STANDING_RATIO": 0.12,  # a particle counts as standing below this ratio of its speed u to r omega [-]
 }
 """Limits that decide which readings the particle filter uses, and which particles count as not moving."""
@@ -49,6 +51,7 @@ FIELDS: list[tuple[Any, dict[str, str], str]] = [
         {
             "n": "wheels",
             "N": "particles",
+            "n_soils": "soils that the filter considers, each with a block of N / n_soils particles",
             "n_posture": "numbers in a posture: roll, pitch and the suspension angles",
             "lag": "delay of visual odometry [samples]",
             "stride": "samples between two postures that are compared",
@@ -65,7 +68,13 @@ FIELDS: list[tuple[Any, dict[str, str], str]] = [
         {
             "period": "time between two samples [s]",
             "torque_per_current": "[N m/A]",
-            "max_factor": "largest torque factor F of the soil [-]",
+            "max_factor": "largest torque factor F of the soil, mean over the soils [-]",
+            "memory": "time in which the evidence for a soil is forgotten [s]",
+            "resistance": "motion resistance R, as a fraction of the weight",
+            "resistance_sd": "SD of the resistance to motion; 0: the balance of forces is not used",
+            "torque_sd": "relative SD of all torques in common, because of the torque constant",
+            "hole_length": "travel over which a wheel climbs out of its hole [m]",
+            "balance_correlated": "balances of forces within this time have one error [s]",
             "floor": "smallest rim speed of which the speeds of the particles are multiples [m/s]",
             "wall_gain": "weight of a sample in the low-pass filter of `wall`",
             "min_roll": "rim travel without progress after which the rover counts as standing [m]",
@@ -94,7 +103,9 @@ FIELDS: list[tuple[Any, dict[str, str], str]] = [
         ctypes.c_void_p,
         {
             "radius": "(n) wheel radii [m]",
-            "factors": "(N_FACTORS) torque factor F over slips from -1 to 1",
+            "factors": "(n_soils, N_FACTORS) torque factor F of each soil over slips from -1 to 1",
+            "softness": "(n_soils) shear displacement k over strength, relative to the mean soil",
+            "p_soil": "(n_soils) probability of each soil",
             "samples": "(WINDOW, sample) latest samples",
             "mean": "(sample) means over the latest samples",
             "rates": "(n_posture) rates of the posture [rad/s]",
@@ -171,11 +182,12 @@ def compile_belief(ground: ca.Function, laws: Sequence[ca.Function]) -> BeliefLi
     return BeliefLibrary(handle, (ground.sz_iw(), ground.sz_w()))
 
 
-def row_lengths(wheels: int, links: int, lag: int) -> dict[str, int]:
+def row_lengths(wheels: int, links: int, lag: int, soils: int) -> dict[str, int]:
     """Return the length of each array of reals in the particle filter, by the name of the array. The arrays `estimates`
     and `work_w` are not included.
 
-    `links` is the number of suspension angles, and `lag` the delay of visual odometry in samples.
+    `links` is the number of suspension angles, `lag` the delay of visual odometry in samples, and `soils` the number of
+    soils that the filter considers.
     """
     # A posture is roll, pitch and the suspension angles; a sample also has the rate and the current of each wheel.
     posture = 2 + links
@@ -184,7 +196,7 @@ def row_lengths(wheels: int, links: int, lag: int) -> dict[str, int]:
     rows |= dict.fromkeys(WHEEL_ROWS, wheels) | dict.fromkeys(PARTICLE_ROWS, PARTICLES)
     past, lags = LENGTHS["PAST"], lag + 1
     rows |= {"past": past * (wheels + 2), "past_distance": past * PARTICLES, "past_travel": lags * PARTICLES}
-    return rows | {"slip": wheels * PARTICLES, "hole": wheels * PARTICLES}
+    return rows | {"p_soil": soils, "slip": wheels * PARTICLES, "hole": wheels * PARTICLES}
 
 
 class Belief:
@@ -208,6 +220,7 @@ class Belief:
     def __init__(self, functions: BeliefLibrary, wheels: int, links: int, lag: int, **numbers: Any):
         # The arguments are kept, so that a copy of the filter can be built from them.
         self._sizes = functions, wheels, links, lag
+        soils = len(numbers["softness"])
         self._library = functions.library
         self.struct = BeliefStruct()
         self.keep: dict[str, Any] = {}
@@ -216,12 +229,12 @@ class Belief:
         "roll, pitch, suspension angles [rad], wheel rates [rad/s], currents [A]"
         self.estimates = np.zeros((wheels, 4))
         "for each wheel: mean slip, its SD, mean depth of the hole [m], its SD [m]"
-        rows = row_lengths(wheels, links, lag) | {"work_w": functions.work[1]}
+        rows = row_lengths(wheels, links, lag, soils) | {"work_w": functions.work[1]}
         # Arrays of reals are aligned for the SIMD lanes, in which the laws are evaluated.
         integers = {"parent": PARTICLES, "work_i": functions.work[0] + 1}
         arrays = {name: aligned_zeros(size) for name, size in rows.items()}
         arrays |= {name: np.zeros(size, dtype=np.int64) for name, size in integers.items()}
-        counts = {"n": wheels, "N": PARTICLES, "n_posture": 2 + links, "lag": lag}
+        counts = {"n": wheels, "N": PARTICLES, "n_soils": soils, "n_posture": 2 + links, "lag": lag}
         fill(self.struct, self.keep, arrays | counts | {"estimates": self.estimates} | numbers)
         self._address = ctypes.addressof(self.struct)
         self.forget()

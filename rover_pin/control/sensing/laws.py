@@ -35,6 +35,11 @@ class ReadingTrust(Record):
     wall: Scalar = quantity(0.5, "", "assumed: relative error of all factors where a wheel is at a wall", 0.0, 10.0)
     outliers: Scalar = quantity(0.1, "", "assumed: probability that a wheel meets a wall or a stone", 1e-9, 1.0)
     correlated: Scalar = quantity(0.3, "s", "assumed: torques within this time have one error", 1e-3, 10.0)
+    memory: Scalar = quantity(25.0, "s", "assumed: the soil may change within this time", 0.1, 1e6)
+    balance: Scalar = quantity(0.02, "", "assumed: error of the balance of forces, as a fraction of the weight", 1e-3, 1.0)
+    balance_correlated: Scalar = quantity(
+        1.0, "s", "assumed: balances of forces within this time have one error", 1e-3, 100.0
+    )
     folds: Scalar = quantity(0.5, "s", "assumed: rises of wheels within this time have one error", 1e-3, 10.0)
     wander: Scalar = quantity(0.25, "1/sqrt(s)", "assumed: change of u / (r omega) within a second", 1e-4, 10.0)
     surprise: Scalar = quantity(0.02, "1/s", "assumed: rate of jumps to any speed", 0.0, 1.0)
@@ -127,6 +132,21 @@ def still_law(trust: ReadingTrust) -> ca.Function:
     return ca.Function("still_law", [distance, read], [ca.log(likely + MIN_LIKELIHOOD)])
 
 
+def balance_law(trust: ReadingTrust) -> ca.Function:
+    """Return the CasADi function for the log density of the excess in the balance of forces along the ground.
+
+    The excess is the thrust of the wheels minus the slope, the motion resistance and the resistance of the holes that
+    the wheels climb out of, divided by the weight. The inputs are the excess of the particle, and the variance that
+    uncertain resistances and torques, bends of the ground and walls add to `trust.balance` squared. With the
+    probability `trust.outliers`, an obstacle holds the rover, and all excesses are equally likely.
+    """
+    excess, added = ca.SX.sym("excess"), ca.SX.sym("variance")
+    variance = trust.balance**2 + added
+    balanced = ca.exp(-0.5 * excess**2 / variance) / ca.sqrt(2.0 * ca.pi * variance)
+    density = (1.0 - trust.outliers) * balanced + trust.outliers / FACTOR_RANGE
+    return ca.Function("balance_law", [excess, added], [ca.log(density)])
+
+
 def belief_laws(holes: HoleLaw, relaxed: RelaxedSlip, trust: ReadingTrust, period: float) -> list[ca.Function]:
-    """Return the four laws of the particle filter, in the order of their definitions in `belief.c`."""
-    return [wheel_law(holes, relaxed, period), torque_law(trust), fold_law(trust), still_law(trust)]
+    """Return the five laws of the particle filter: how a wheel moves on, and the densities of the readings."""
+    return [wheel_law(holes, relaxed, period), torque_law(trust), fold_law(trust), still_law(trust), balance_law(trust)]

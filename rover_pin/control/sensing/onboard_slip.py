@@ -15,8 +15,8 @@ from rover_pin.control.sensing.belief import LENGTHS, Belief, BeliefLibrary, com
 from rover_pin.control.sensing.ground import ground_law
 from rover_pin.control.sensing.laws import ReadingTrust, belief_laws
 from rover_pin.control.sensing.odometry import VisualOdometry
+from rover_pin.control.sensing.soil_belief import ControllerBelief, SoilHypotheses
 from rover_pin.control.slip_control import HoleLaw
-from rover_pin.control.torque_factor import torque_factors
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.rover.forward_dynamics import constraint_rows
 from rover_pin.rover.rover import Rover
@@ -63,7 +63,7 @@ class OnboardSlip:
     probability densities of the readings, which `laws.py` defines:
 
     - The torque factor T_i / (r W_i), with the torque T_i from the current and the load W_i from the static balance, is
-      F(s_i) of the known soil.
+      F(s_i) of the soil.
     - On bent ground, the wheels rise relative to each other at about u times the bend. The bend is the mean deviation
       of the slopes under the wheels from their median.
     - Within 2 s, the posture changes by about the distance times the bend, or hardly at all if the rover does not move.
@@ -71,11 +71,17 @@ class OnboardSlip:
     move.
     - `odometry`, if the rover has visual odometry, measures u with a delay.
 
+    - The thrust of all wheels, minus the slope, is the motion resistance R plus the resistance of the holes. This
+      balance is used if the soil is uncertain.
+
+    If the belief is uncertain, the particles are in blocks, and each block assumes another soil of `SoilHypotheses`.
+    The readings decide between the soils during the drive, and the estimates are means over all soils.
+
     A wheel whose torque exceeds the largest torque of the soil is at a wall. Torques then count less, and stalling is
     likely. The filter has three limits. It cannot recognise a slip that all wheels have in common where F(S) is flat,
-    unless the posture shows the slip. It does not measure the slope directly under a wheel. If the soil is stronger
-    than assumed, the estimated slip S_hat is too high; if the soil is weaker, S_hat is too low, and torques then
-    outweigh `odometry`.
+    unless the posture shows the slip. It does not measure the slope directly under a wheel. If the soil is taken for
+    certain and is stronger than assumed, the estimated slip S_hat is too high; if the soil is weaker, S_hat is too low,
+    and torques then outweigh `odometry`.
 
     Source: none; a particle filter (Gordon, Salmond and Smith 1993). Differs from the paper: the paper estimates the
     slip by Eq (9) from a table of speeds.
@@ -96,8 +102,8 @@ class OnboardSlip:
     """indices of the suspension angles in the configuration vector q"""
     constant: float
     """torque at the wheel per current of its motor [N m/A]"""
-    factors: np.ndarray
-    """torque factors F of the soil at the slip ratios SLIPS [-]"""
+    soils: SoilHypotheses
+    """the soils that the filter considers, and the motion resistance"""
     holes: HoleLaw
     "law of the hole that a slipping wheel digs"
     trust: ReadingTrust = field(default_factory=ReadingTrust)
@@ -108,6 +114,8 @@ class OnboardSlip:
     """visual odometry, or None if the rover has no camera"""
     period: float = CONTROL_PERIOD
     "time between two samples [s]"
+    believed: ControllerBelief | None = None
+    """the belief that the estimate was made from"""
 
     def __post_init__(self) -> None:
         trust, radii = self.trust.values(), self.rover.radii
@@ -126,8 +134,14 @@ class OnboardSlip:
             stride=round(STRIDE / self.period),
             torque_per_current=self.constant,
             radius=radii.copy(),
-            factors=np.ascontiguousarray(self.factors, dtype=float),
-            max_factor=float(np.max(self.factors)),
+            factors=np.ascontiguousarray(self.soils.factors, dtype=float),
+            softness=np.ascontiguousarray(self.soils.softness, dtype=float),
+            memory=float(trust["memory"]),
+            resistance=self.soils.resistance,
+            resistance_sd=float(self.soils.sd.resistance),
+            torque_sd=float(self.soils.sd.torque),
+            hole_length=float(self.holes.length),
+            balance_correlated=float(trust["balance_correlated"]),
             floor=MIN_PACE,
             min_roll=STANDING_ROLL * float(radii.max()),
             settled=STANDING_CHANGE,
@@ -137,23 +151,32 @@ class OnboardSlip:
         self.reset()
 
     @classmethod
-    def of(cls, model: Model, trust: ReadingTrust | None = None, odometry: VisualOdometry | None = None) -> OnboardSlip:
-        """Return the slip estimate for a model, made from its rover, motor, gravity, first soil and contact effects.
+    def of(
+        cls,
+        believed: ControllerBelief | Model,
+        trust: ReadingTrust | None = None,
+        odometry: VisualOdometry | None = None,
+    ) -> OnboardSlip:
+        """Return the slip estimate of a controller that holds a belief about rover, motor, gravity, first soil and
+        contact effects. A model instead of a belief is taken for certain.
 
         `trust` has the errors of readings and the rates of events that the filter assumes; `odometry` is the visual
         odometry of the rover, or None.
         """
+        belief = believed if isinstance(believed, ControllerBelief) else ControllerBelief.of_plant(believed)
+        model = belief.model
         # The masses that the model's effects add change the wheel loads, so the built rover is used.
         rover = model.built
         return cls(
             rover,
             suspension_places(model.rover),
             float(model.motor.constant),
-            torque_factors(model, SLIPS),
+            SoilHypotheses.of(model, belief.sd, SLIPS),
             HoleLaw(r=float(rover.wheel.r)),
             trust or ReadingTrust(),
             model.slip if isinstance(model.slip, RelaxedSlip) else RelaxedSlip(),
             odometry,
+            believed=belief,
         )
 
     def reset(self) -> None:
@@ -185,7 +208,7 @@ class OnboardSlip:
 
     @property
     def expressions(self) -> list[ca.Function]:
-        """The CasADi functions of the filter: first `ground_law`, then the four laws of `belief_laws`."""
+        """The CasADi functions of the filter: first `ground_law`, then the laws of `belief_laws`."""
         laws = belief_laws(self.holes, self.relaxed, self.trust, self.period)
         return [ground_law(self.rover, self.places), *laws]
 

@@ -22,7 +22,7 @@ from rover_pin.onboard.monitor import source as monitor_source
 from rover_pin.onboard.monitor.monitor import CANNOT_TELL, CAUSES, Monitor
 from rover_pin.simulation.native.shared import c_table
 
-BELIEF_TABLES = {"radius": "RADIUS", "factors": "FACTORS"}
+BELIEF_TABLES = {"radius": "RADIUS", "factors": "FACTORS", "softness": "SOFTNESS"}
 """Names of the constant C tables behind pointers in the C struct Belief, by the field of the struct."""
 
 
@@ -68,12 +68,15 @@ def _onboard_estimate(estimate: OnboardSlip, radius: float) -> str:
     wheels, links = len(estimate.rover.wheels), len(estimate.places)
     belief = estimate.belief.numbers
     # `begin` sets the constants of the filter and the pointers to its tables, `estimate` gives it one sample.
-    settings = {"n": wheels, "N": PARTICLES, "n_posture": 2 + links, "lag": int(estimate.belief.struct.lag)}
+    counts = estimate.belief.struct
+    settings = {"n": wheels, "N": PARTICLES, "n_soils": int(counts.n_soils)}
+    settings |= {"n_posture": 2 + links, "lag": int(counts.lag)}
     settings |= {name: value for name, value in belief.items() if name not in BELIEF_TABLES}
     lines = [f"  b->{name} = {value!r};" for name, value in settings.items()]
     lines += [f"  b->{name} = {table};" for name, table in BELIEF_TABLES.items()]
     return f"""{c_table("real", "RADIUS", belief["radius"])}
-{c_table("real", "FACTORS", belief["factors"])}
+{c_table("real", "FACTORS", belief["factors"].ravel())}
+{c_table("real", "SOFTNESS", belief["softness"])}
 
 static void begin(RoverControl *c) {{
   Belief *b = &c->belief;
@@ -111,7 +114,8 @@ def belief_struct(estimate: OnboardSlip) -> str:
     All arrays have a fixed length, so that the C code allocates no memory.
     """
     wheels, ground = len(estimate.rover.wheels), estimate.expressions[0]
-    lengths = row_lengths(wheels, len(estimate.places), int(estimate.belief.struct.lag))
+    counts = estimate.belief.struct
+    lengths = row_lengths(wheels, len(estimate.places), int(counts.lag), int(counts.n_soils))
     lengths |= {
         "estimates": 4 * wheels,
         "work_w": max(ground.sz_w(), 1),

@@ -242,7 +242,9 @@ def embed(controller: Controller, model: Model) -> EmbeddedControl:
             "With control = true, your program gives the slip with each reading."
         )
     on_board = control.estimate if isinstance(control.estimate, OnboardSlip) else None
-    return EmbeddedControl(control, model.rover, stop, Monitor.of(model, on_board) if on_board else None)
+    # The monitor assumes the same soil as the slip estimate, not that of the simulated rover.
+    believed = on_board.believed.model if on_board and on_board.believed else model
+    return EmbeddedControl(control, model.rover, stop, Monitor.of(believed, on_board) if on_board else None)
 
 
 def casadi_functions(expressions: Sequence[ca.Function]) -> str:

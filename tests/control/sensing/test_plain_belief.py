@@ -9,6 +9,7 @@ from rover_pin import ConstantDuty, scenario, simulate
 from rover_pin.control.sensing.laws import ReadingTrust, fold_law, still_law, torque_law
 from rover_pin.control.sensing.odometry import Camera, VisualOdometry
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
+from rover_pin.control.sensing.soil_belief import ControllerBelief
 from rover_pin.simulation.sensors import NoisyController, Sensors
 from tests.oracle import onboard
 
@@ -40,7 +41,10 @@ def plain_of(estimate):
         return np.array(law(posture, rates, torque)).reshape(-1, wheels)
 
     lag, sd = (estimate.odometry.lag, float(estimate.odometry.camera.sd)) if estimate.odometry else (0, 1.0)
-    return onboard.PlainBelief(estimate.rover.radii, estimate.factors, estimate.constant, ground, lag, sd)
+    soils = estimate.soils
+    resistance = soils.resistance, float(soils.sd.resistance), float(soils.sd.torque)
+    numbers = soils.factors, soils.softness, resistance, estimate.constant
+    return onboard.PlainBelief(estimate.rover.radii, *numbers, ground, lag, sd)
 
 
 def compare(estimate, readings, duty_of=lambda reading: reading.duty):
@@ -57,6 +61,7 @@ def compare(estimate, readings, duty_of=lambda reading: reading.duty):
         for name in ("wall", "bend", "speed", "pace", "stuck", "rolled"):
             assert getattr(belief, name) == pytest.approx(getattr(plain, name), rel=1e-6, abs=1e-8), (reading.t, name)
         assert estimate.belief.estimates == pytest.approx(plain.told, rel=1e-6, abs=1e-8), reading.t
+        assert estimate.belief.keep["p_soil"] == pytest.approx(plain.p_soil, rel=1e-6, abs=1e-9), reading.t
         assert bool(belief.no_progress) == plain.no_progress
         most = np.maximum(most, [plain.wall, plain.stuck, plain.bend])
     return most
@@ -74,6 +79,12 @@ def test_a_ditch_s_wall_stops_both_beliefs_alike():
 def test_beliefs_are_alike_on_open_ground(name):
     model, readings = readings_of(name)
     compare(OnboardSlip.of(model), readings)
+
+
+@pytest.mark.parametrize("name", ["ditch", "hills", "slope"])
+def test_beliefs_that_know_no_soil_are_alike(name):
+    model, readings = readings_of(name)
+    compare(OnboardSlip.of(ControllerBelief.unknown_sand(model)), readings)
 
 
 def test_beliefs_with_a_camera_are_alike():
