@@ -110,6 +110,7 @@ def fields() -> Mapping[str, Any]:
         "pendulum": pendulum(),
         "slip": sensed_slip(),
         "control": controllers(),
+        "beliefs": beliefs(),
         "monitor": {row["level"]: row for row in kept("monitor").to_dict("records")},
         "brier": brier(),
         "speed": speed(),
@@ -366,6 +367,21 @@ def controllers() -> dict[str, Any]:
         for name, each in drives
     }
     return {"drives": int(drives.size().max()), "rows": rows}
+
+
+def beliefs() -> dict[str, Any]:
+    """Return how many drives of each generator pass and end buried with each belief of the on-board estimate."""
+    table = kept("beliefs")
+
+    def counts(drives: pd.DataFrame) -> dict[str, int]:
+        return {"drives": len(drives), "passed": int(drives.passed.sum()), "buried": int(drives.buried.sum())}
+
+    rows = [
+        {"name": name, **{generator: counts(part) for generator, part in drives.groupby("generator")},
+         "cart": counts(drives[drives.kind == "cart"])}
+        for name, drives in table.groupby("belief", sort=False)
+    ]  # fmt: skip
+    return {"rows": rows, "of": {row["name"]: row for row in rows}, "drives": rows[0]["project"]["drives"]}
 
 
 def measured_wheels() -> dict[str, Any]:

@@ -81,6 +81,11 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
             rows_of(of["control"]["rows"], CONTROLS),
             {"Control": "{name}", "Passed": "{passed}", "Buried": "{buried}", "Mean distance": "{way:.3f} m"},
         ),
+        "beliefs": table(
+            of["beliefs"]["rows"],
+            {"Belief of the on-board estimate": "{name}", "Passed": "{project[passed]}", "Buried": "{project[buried]}",
+             "Passed, second generator": "{strange[passed]}", "Buried, second generator": "{strange[buried]}"},
+        ),
         "digging": table(
             rows_of(of["digging"], DIGGING),
             {"Control": "{name}", "Buried": "{buried} of {driven}",

@@ -1,4 +1,4 @@
-"""Compare what a slip control achieves on board if its belief about soil, resistance and motors is right, wrong or wide.
+"""Compare what a slip control achieves on board if its belief about soil and rover is right, wrong or wide.
 
 Question
     How many drives does the on-board slip control pass, and in how many does it bury a wheel, if the controller does
@@ -26,8 +26,9 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,9 +48,9 @@ from rover_pin.simulation.sensors import NoisyController, Sensors
 from rover_pin.simulation.simulate import simulate
 from rover_pin.tuning.evaluations import Evaluations
 
-SEEDS = {"project": 410_001, "strange": 420_001}
+SEEDS = {"project": 430_001, "strange": 440_001}
 """Generator of drives -> seed of its first drive. Nothing was chosen on these seeds."""
-ROUNDS, DURATION = 4, 40.0
+ROUNDS, DURATION = 3, 40.0
 """Number of rounds of ten drives of each generator, and the duration of a drive [s]."""
 STRANGE_GOAL = {"ditch": 0.95, "incline": 1.0, "bump": 0.9, "washboard": 0.9, "hills": 0.7}
 """Scenario of the strange generator -> position x that the base must reach for the drive to count as passed [m]."""
@@ -77,7 +78,7 @@ class Row(NamedTuple):
     """
 
     belief: Callable[[Model], ControllerBelief] | None
-    plant: dict[str, Any] = {}
+    plant: Mapping[str, Any] = MappingProxyType({})
 
 
 def about(model: Callable[[Model], Model], sd: BeliefSD = BeliefSD()) -> Callable[[Model], ControllerBelief]:
@@ -96,14 +97,14 @@ ROWS = {
     "k x 1.5, phi - 3 deg": Row(about(wrong(1.5, -3.0))),
     "k / 1.5, phi - 3 deg": Row(about(wrong(1 / 1.5, -3.0))),
     "k x 1.5, phi + 3 deg": Row(about(wrong(1.5, 3.0))),
-    "R x 1.3": Row(about(wrong(R=1.3))),
-    "R x 0.7": Row(about(wrong(R=0.7))),
-    "torque constant x 1.1": Row(about(wrong(torque=1.1))),
-    "torque constant / 1.1": Row(about(wrong(torque=1 / 1.1))),
     "constant duty, cable of 3 N": Row(None, CABLE),
     "unknown sand, unknown cable of 3 N": Row(WIDE, CABLE),
     "constant duty, Moon": Row(None, MOON),
     "unknown sand, Moon": Row(WIDE, MOON),
+    "R x 1.3": Row(about(wrong(R=1.3))),
+    "R x 0.7": Row(about(wrong(R=0.7))),
+    "torque constant x 1.1": Row(about(wrong(torque=1.1))),
+    "torque constant / 1.1": Row(about(wrong(torque=1 / 1.1))),
 }
 
 
@@ -197,8 +198,9 @@ def main() -> None:
         kinds = [case.kind for case, _ in cases]
         tables.append(drives.assign(belief=name, generator=generators, kind=kinds, seed=[seed for _, seed in cases]))
         print(line(tables[-1]), flush=True)
-    columns = ["belief", "generator", "kind", "seed", "end_x", "passed", "buried"]
-    plot.write_csv(pd.concat(tables)[columns], options.out / "beliefs.csv")
+        # The table is written after each row, so that an interrupted run leaves a table.
+        columns = ["belief", "generator", "kind", "seed", "end_x", "passed", "buried"]
+        plot.write_csv(pd.concat(tables)[columns], options.out / "beliefs.csv")
     print(f"written: {options.out}/beliefs.csv")
 
 

@@ -115,7 +115,9 @@ def improved(seed: int, study: TuningStudy) -> Row:
         # The hidden model is rebuilt from the seed, so that the truth need not be in the folder.
         model, _ = hidden_model(declared_model(ROVER), ANY, np.random.default_rng(seed))
         file = write_model(model, Path(folder) / "truth.toml")
-        true = true_gain(study.on_model(file), result.tuning.law)
+        # The estimate on the true rover keeps the belief of the tuning, and never sees the truth.
+        driven = dataclasses.replace(study.on_model(file), believes=result.tuning.study.believes)
+        true = true_gain(driven, result.tuning.law)
         row = Row(
             seed, str(truth["hidden"]), *result.gain["cost saved"], true, result.is_certain, not result.is_worth_it
         )
@@ -131,7 +133,7 @@ def true_gain(study: TuningStudy, law: SlipLaw) -> float:
     for at, case in enumerate(study.held_out):
         # Both controls meet the same noise, so that only the control differs.
         constant, tuned = (
-            Score(*full_score(case, Control.of(by, law, NOISE_SEED + at))).cost(Cost())
+            Score(*full_score(case, Control.of(by, law, NOISE_SEED + at, study.believes))).cost(Cost())
             for by in (CONSTANT_DUTY, study.estimate)
         )
         saved.append(constant - tuned)

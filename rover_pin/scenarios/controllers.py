@@ -18,7 +18,7 @@ from rover_pin.control.motion.servo import HeldSpeeds, Servo, cruise_speed
 from rover_pin.control.open_loop import ConstantDuty, Crab, Turn
 from rover_pin.control.sensing.odometry import Camera, TrackedSlip, Tracker, VisualOdometry
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
-from rover_pin.control.sensing.soil_belief import BeliefSD, ControllerBelief, highest_strength
+from rover_pin.control.sensing.soil_belief import ControllerBelief, highest_strength
 from rover_pin.control.sensing.stop import Stop, StopStuck
 from rover_pin.control.slip_control import HOLE_GAINS, Gains, HoleLaw, SlipControl, load_gains, load_hole
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
@@ -136,6 +136,13 @@ def controller_from(request: Settings, model: Model, trust: Trust) -> Controller
     return StopStuck(slip_control, estimate, Stop(**request.record("control.stop", Stop))) if stop else slip_control
 
 
+def belief_words() -> tuple[str, ...]:
+    """Return all words of the setting `control.believes`, which may also be the path of a model file or of a folder of
+    model files.
+    """
+    return (UNKNOWN, PLANT, *SOILS)
+
+
 def _belief(request: Settings, model: Model, trust: Trust) -> ControllerBelief:
     """Return what the controller believes about the soil, from the settings `control.believes` and
     `control.believes.FIELD`.
@@ -144,7 +151,7 @@ def _belief(request: Settings, model: Model, trust: Trust) -> ControllerBelief:
     `control.believes=plant`.
     """
     source = "unknown-sand, plant, rover-pin list soils, a model file, or a folder of model files"
-    word = str(request.take("control.believes", UNKNOWN, (UNKNOWN, PLANT, *SOILS), source))
+    word = str(request.take("control.believes", UNKNOWN, belief_words(), source))
     if word == PLANT:
         belief = ControllerBelief.of_plant(model)
     elif word == UNKNOWN:
@@ -152,7 +159,7 @@ def _belief(request: Settings, model: Model, trust: Trust) -> ControllerBelief:
     elif is_file(Path(word)) or is_folder(Path(word)):
         belief = ControllerBelief.of_file(word, trust)
     else:
-        belief = ControllerBelief.of_soil(model, one_of("control.believes", word, (UNKNOWN, PLANT, *SOILS)))
+        belief = ControllerBelief.of_soil(model, one_of("control.believes", word, belief_words()))
     sd = belief.sd.replace(**request.record("control.believes", belief.sd))
     return dataclasses.replace(belief, sd=sd)
 

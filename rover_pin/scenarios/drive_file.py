@@ -38,6 +38,8 @@ PATHS = ("model", "terrain.path", "control.gains")
 """Settings whose value is always the path of a file."""
 NAMES_OR_PATHS = ("rover", "control")
 """Settings whose value is a word, or the path of a file. A value with a suffix, such as `my_rover.toml`, is a path."""
+BELIEF = "control.believes"
+"""Setting whose value is a word, or the path of a file or folder. A value with a suffix or a slash is a path."""
 ROUTE = "control.route"
 """Setting whose value is the path of a file, or way-points. A value with a comma has way-points."""
 
@@ -179,4 +181,5 @@ def _is_path(name: str, value: Any) -> bool:
     if not isinstance(value, str):
         return False
     has_suffix, has_comma = Path(value).suffix != "", "," in value
-    return name in PATHS or (name in NAMES_OR_PATHS and has_suffix) or (name == ROUTE and not has_comma)
+    is_belief = name == BELIEF and (has_suffix or len(Path(value).parts) > 1)
+    return name in PATHS or is_belief or (name in NAMES_OR_PATHS and has_suffix) or (name == ROUTE and not has_comma)

@@ -39,7 +39,7 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.tuning.drive_score import TAIL, Score, score_outcome, score_trace
 from rover_pin.tuning.reduced_model.drive import GAIN_NAMES, ContinuousControl, ReducedDrive, ReducedOutcome
 from rover_pin.tuning.reduced_model.effects import omitted_effects
-from rover_pin.tuning.study import HOLE_PREFIX, SENSED, DriveCase, SlipLaw, TuningStudy
+from rover_pin.tuning.study import HOLE_PREFIX, ON_BOARD, SENSED, DriveCase, SlipLaw, TuningStudy
 
 CONSTANT_DUTY = "constant"
 """Value of `Control.estimate` for the control with a constant duty, which has no slip estimate."""
@@ -64,24 +64,26 @@ class Control(NamedTuple):
     """numbers of the hole law in the order of HOLE_NAMES; empty if the desired slip is constant"""
     seed: int = 0
     """seed of the sensor noise; 0 if the control reads no sensors"""
+    believes: str = ""
+    """setting `control.believes` of an on-board slip estimate; empty for its default"""
 
     @classmethod
-    def of(cls, estimate: str, law: SlipLaw, seed: int = 0) -> Control:
+    def of(cls, estimate: str, law: SlipLaw, seed: int = 0, believes: str = "") -> Control:
         """Return the control with the slip estimate `estimate` and the numbers in `law`. The seed is used only if the
-        estimate reads sensors.
+        estimate reads sensors, and the belief only if the estimate needs a soil (ON_BOARD).
         """
         gains = tuple(law.number(name) for name in GAIN_NAMES)
         hole = tuple(law.number(f"{HOLE_PREFIX}{name}") for name in HOLE_NAMES) if law.hole else ()
-        return cls(estimate, gains, hole, seed if estimate in SENSED else 0)
+        return cls(estimate, gains, hole, seed if estimate in SENSED else 0, believes if estimate in ON_BOARD else "")
 
     @property
     def gains_record(self) -> Gains:
         """The gains of the control as a record with named fields."""
         return Gains(**dict(zip(GAIN_NAMES, self.gains, strict=True)))
 
-    def controller(self, model: Model) -> Controller:
+    def controller(self, model: Model, trust: Trust = Trust()) -> Controller:
         """Return the controller for the full rover of a model. A scenario with this control would use an equal
-        controller.
+        controller. `trust` states the files of code that the models of the belief may run.
 
         If the slip estimate reads sensors, the controller gets readings with noise.
         """
@@ -94,10 +96,12 @@ class Control(NamedTuple):
         numbers = dict(zip(GAIN_NAMES, self.gains, strict=True))
         numbers |= {f"{HOLE_PREFIX}{name}": value for name, value in zip(HOLE_NAMES, self.hole, strict=False)}
         words = {"control": self.estimate, "control.aim": "hole" if self.hole else "constant"}
+        if self.believes:
+            words["control.believes"] = self.believes
         if self.estimate in ("camera", "tracked"):
             words["control.seed"] = str(self.seed)
         request = Settings({**words, **{f"control.{name}": value for name, value in numbers.items()}})
-        controller = controller_from(request, model, Trust())
+        controller = controller_from(request, model, trust)
         return NoisyController(controller, Sensors(), self.seed) if self.estimate in SENSED else controller
 
 
@@ -156,7 +160,7 @@ def cautions(cases: Sequence[DriveCase]) -> tuple[str, ...]:
 
 def controller_of(case: DriveCase, control: Control) -> Controller:
     """Return the controller for the full rover in the drive `case`, from a control that is given as plain values."""
-    return control.controller(build(case).model)
+    return control.controller(build(case).model, dict(case.settings).get("trust", Trust()))
 
 
 def drive_full(case: DriveCase, controller: Controller) -> Trace:

@@ -7,6 +7,7 @@ these models.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -69,6 +70,8 @@ def default_drives(terrains: Terrains) -> tuple[DriveCase, ...]:
 
 CONSTANT = "constant duty"
 """Name of the control with which the tuned control is compared."""
+TUNED, UNTUNED = "the tuned control", "slip control with its gains before the tuning"
+"""Names of the two slip controls that `improve` can advise."""
 COVERAGE = 0.90
 """Probability that the interval of a prediction contains the true rover's value."""
 DEFAULT_STUDY = TuningStudy(
@@ -160,6 +163,23 @@ class Improvement:
         return self.gain["cost saved"].mean > MIN_COST_CHANGE
 
     @property
+    def is_tuning_worth_it(self) -> bool:
+        """Whether the mean of the cost that the tuning saves is above MIN_COST_CHANGE, compared with slip control
+        before the tuning.
+        """
+        return self.gain_of_tuning["cost saved"].mean > MIN_COST_CHANGE
+
+    @property
+    def advice(self) -> str:
+        """Name of the control that is advised: the tuned control, slip control with its gains before the tuning if the
+        tuning adds no gain, or the present control if no gain is expected.
+        """
+        if self.is_worth_it and self.is_tuning_worth_it:
+            return TUNED
+        # Without a gain of the tuning, slip control before the tuning must bring the gain by itself.
+        return UNTUNED if self.gain_before_tuning["cost saved"].mean > MIN_COST_CHANGE else self.now
+
+    @property
     def sentence(self) -> str:
         """The predicted benefit of the tuned control in words, with the part that slip control brings before the
         tuning, and the part that the tuning brings. If there is no benefit, the advice is to keep the present control.
@@ -178,6 +198,8 @@ class Improvement:
         # is.
         if not self.is_worth_it:
             return f"keep {self.now}, because no gain is expected: {change}"
+        if self.advice == UNTUNED:
+            change += ". The tuning adds no gain, so that the advice is slip control with its gains before the tuning"
         return f"gain: {change}" if self.is_certain else f"a gain is expected but not certain: {change}"
 
     def summary(self) -> dict[str, Any]:
@@ -187,7 +209,7 @@ class Improvement:
         return {
             "gain": self.sentence,
             "gain is certain": self.is_certain,
-            "advice": "the tuned control" if self.is_worth_it else self.now,
+            "advice": self.advice,
             **_in_words(self.bounds | self.gain),
             "gain of slip control before tuning": _in_words(self.gain_before_tuning),
             "gain of the tuning": _in_words(self.gain_of_tuning),
@@ -277,6 +299,9 @@ def improve(
     allowed = Trust.of(effects, trust)
     models = models_of(loop / POSTERIOR)
     tuning_study = (study or DEFAULT_STUDY).on_model(*models).trusting(allowed)
+    # The slip estimate knows the posterior as a whole. It does not know which of its models is driven.
+    if not tuning_study.believes:
+        tuning_study = dataclasses.replace(tuning_study, believes=str(loop / POSTERIOR))
     tuning = tune_gains(tuning_study, out / "control", stages, workers or None)
     # The benefit is predicted from the held-out drives, which the search has not seen.
     improvement = improvement_of(tuning, predicted_bounds(models, {"trust": allowed}))

@@ -20,6 +20,8 @@ from rover_pin.tuning.drive_score import Cost
 IDEAL, SENSED = ("true", "eq9"), ("onboard", "camera", "tracked")
 """Names of slip estimates. IDEAL are the true slip of Eq (1) and the paper's estimate by Eq (9), both without noise.
 SENSED are estimates from sensors with noise."""
+ON_BOARD = ("onboard", "camera")
+"""Names of the slip estimates that convert torques into slips, so that they need a belief about the soil."""
 ESTIMATES = (*IDEAL, *SENSED)
 """Names of all slip estimates."""
 LOGARITHMIC = ("k_p", "k_i")
@@ -132,6 +134,9 @@ class TuningStudy:
         delay.
     noise_seeds : int
         Number of noise seeds, if the slip estimate reads sensors. Each drive is repeated with each seed.
+    believes : str
+        What the on-board slip estimate knows about the soil, a word or a path of the setting `control.believes`. If
+        empty, the default of this setting applies, so that the estimate knows nothing about the sand.
     cost : Cost
         Weights of the cost of a drive.
     effort : Effort
@@ -160,6 +165,7 @@ class TuningStudy:
     hole: HoleLaw | None = None
     estimate: str = "true"
     noise_seeds: int = 1
+    believes: str = ""
     cost: Cost = field(default_factory=Cost)
     effort: Effort = field(default_factory=Effort)
     seed: int = 0

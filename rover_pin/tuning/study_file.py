@@ -5,17 +5,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rover_pin.base.errors import ParameterError, closest
+from rover_pin.base.errors import ParameterError, closest, one_of
 from rover_pin.base.files.toml_file import read_toml, table_in
 from rover_pin.base.quantity import record_from, to_si
 from rover_pin.base.trust import Trust
 from rover_pin.control.slip_control import HOLE_GAINS, Gains, HoleLaw
+from rover_pin.scenarios.controllers import belief_words
 from rover_pin.scenarios.drive_file import is_drive_file, with_drive_file
 from rover_pin.scenarios.scenario import scenario as make_scenario
 from rover_pin.tuning.drive_score import Cost
 from rover_pin.tuning.study import DriveCase, Effort, TuningStudy
 
-PLAIN_KEYS = ("estimate", "seed", "noise_seeds")
+PLAIN_KEYS = ("estimate", "seed", "noise_seeds", "believes")
 """Keys of a study file whose values become fields of `TuningStudy` without conversion."""
 
 
@@ -25,6 +26,7 @@ def read_tuning(path: str | Path, trust: Trust = Trust()) -> TuningStudy:
         name = "ditch"
         estimate = "true"              # the true slip; eq9, onboard, camera or tracked
         noise_seeds = 2                # for each drive, if sensors are read
+        believes = "unknown-sand"      # what onboard and camera know: also plant, or the name of a soil
         seed = 0
         [free]                         # gains to find, with their bounds
         k_p = [0.01, 10.0]
@@ -71,6 +73,9 @@ def _study(table: dict[str, Any], path: Path, trust: Trust) -> TuningStudy:
         if key not in keys:
             raise ParameterError(f"the study has no key '{key}': {closest(key, keys)}")
     fields = {key: value for key, value in table.items() if key in PLAIN_KEYS}
+    # A study states its belief by a word. Only the caller can name model files, because a study is given to others.
+    if "believes" in fields:
+        one_of("believes", str(fields["believes"]), belief_words())
     name = _name("the study", "name", table.get("name", stem))
     if "free" in table:
         free = _flat(table_in(table, "free", stem))

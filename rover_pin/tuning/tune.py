@@ -172,7 +172,11 @@ def _tune_law(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
         laws[f"before, {estimate}"] = (estimate, study.law_before)
         laws[f"tuned, {estimate}"] = (estimate, best.law)
     runs = (*study.training_runs, *study.held_out_runs)
-    jobs = [(run.case, Control.of(name, numbers, run.seed)) for name, numbers in laws.values() for run in runs]
+    jobs = [
+        (run.case, Control.of(name, numbers, run.seed, study.believes))
+        for name, numbers in laws.values()
+        for run in runs
+    ]
     # The flat list of scores is divided into one row for each control, and each row into training and held-out drives.
     scores = [Score(*score) for score in evaluations.run("report on all drives", full_score, jobs)]
     rows = [tuple(scores[i * len(runs) : (i + 1) * len(runs)]) for i in range(len(laws))]
@@ -248,7 +252,7 @@ def search_scores(
 
 def job_of(study: TuningStudy, law: SlipLaw, run: SeededDrive) -> tuple[Any, ...]:
     """Return the arguments of `full_score` or `reduced_score` for the drive `run` with the slip control `law`."""
-    return run.case, Control.of(study.estimate, law, run.seed)
+    return run.case, Control.of(study.estimate, law, run.seed, study.believes)
 
 
 def reduced_costs(study: TuningStudy, evaluations: Evaluations, laws: Sequence[SlipLaw]) -> np.ndarray:

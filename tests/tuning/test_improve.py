@@ -12,7 +12,7 @@ from rover_pin.base.errors import DataError
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import write_model
 from rover_pin.tuning.drive_score import Cost, Score
-from rover_pin.tuning.improve import DEFAULT_STUDY, Prediction, improve, improvement_of, predicted_gain
+from rover_pin.tuning.improve import DEFAULT_STUDY, TUNED, UNTUNED, Prediction, improve, improvement_of, predicted_gain
 from rover_pin.tuning.report import ControlScores, TuningResult
 from rover_pin.tuning.study import DriveCase, TuningStudy
 
@@ -106,6 +106,14 @@ def test_the_gain_of_the_untuned_control_is_none_of_the_tuning(before):
                        ("gain of the tuning", result.gain_of_tuning)):  # fmt: skip
         assert summary[name]["cost saved"] == part["cost saved"].words()
         assert part["cost saved"].opposite.words() in result.sentence
+
+
+@pytest.mark.parametrize(("before", "advice"), [((0, 0, 0, 0), UNTUNED), ((1, 1, 1, 1), TUNED), ((0, 0, 1, 1), TUNED)])
+def test_a_tuning_that_adds_nothing_is_not_advised(before, advice):
+    result = improvement_of(result_of((1, 1, 1, 1), (0, 0, 0, 0), before=before), {})
+    assert result.advice == result.summary()["advice"] == advice
+    keeps = improvement_of(result_of((0, 0, 0, 0), (1, 1, 1, 1)), {})
+    assert keeps.advice == "constant duty"
 
 
 def test_training_takes_models_in_turn_and_judging_takes_all(tmp_path):

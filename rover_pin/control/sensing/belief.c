@@ -49,14 +49,6 @@ static real deviation(const real *values, integer n) {
   return sum / n;
 }
 
-/* Return the largest torque factor of the soil that a block of particles assumes. */
-static real greatest_factor(const Belief *b, integer block) {
-  const real *F = b->factors + block * N_FACTORS;
-  real greatest = F[0];
-  for (integer k = 1; k < N_FACTORS; ++k) greatest = fmax(greatest, F[k]);
-  return greatest;
-}
-
 /* Reset the belief to the start of a drive: any speed is possible, no wheel slips, and no hole is dug. */
 void rover_pin_forget(Belief *b) {
   b->random = chance_of(-1);
@@ -73,7 +65,7 @@ void rover_pin_forget(Belief *b) {
     b->log_weight[i] = -log(b->softness[i / (b->N / b->n_soils)]);
   }
   b->max_factor = 0.0;
-  for (integer c = 0; c < b->n_soils; ++c) b->max_factor += greatest_factor(b, c) / b->n_soils;
+  for (integer c = 0; c < b->n_soils; ++c) b->max_factor += b->greatest[c] / b->n_soils;
 }
 
 /* Keep a sample, and compute the means of the latest samples and the rates of the posture.
@@ -133,6 +125,7 @@ static void move_particles(Belief *b, int backwards) {
   b->pace = median(b->rim, b->n);
   const real dt = b->period, usual = fmax(fabs(b->pace), b->floor);
   const real stall_chance = (b->stalls + b->wall_stalls * fmin(b->wall, 1.0)) * dt;
+  const integer block = b->N / b->n_soils;
   b->reference = backwards ? -usual : usual;
   fill_normal(b, b->chance);
   for (integer i = 0; i < b->N; ++i) {
@@ -148,7 +141,7 @@ static void move_particles(Belief *b, int backwards) {
     stalled = (stalled && !frees) || (!stalled && drawn[2] < stall_chance);
     /* A random walk of the speed, with larger steps in a softer soil, so that the steps of the torque are equal in all
        soils. A particle that comes free, or is surprised, gets a new speed. */
-    ratio += b->wander * b->softness[i / (b->N / b->n_soils)] * sqrt(dt) * b->chance[i];
+    ratio += b->wander * b->softness[i / block] * sqrt(dt) * b->chance[i];
     if (frees) ratio = within(0.0, 0.6, drawn[0]);
     if (!stalled && drawn[3] < b->surprise * dt) ratio = within(-0.2, 1.2, drawn[1]);
     b->ratio[i] = stalled ? 0.03 * b->chance[i] : fmin(fmax(ratio, -0.4), 1.4);
@@ -259,10 +252,11 @@ static void compute_estimates(Belief *b) {
   real highest = b->log_weight[0], sum = 0.0;
   for (integer i = 0; i < N; ++i) highest = fmax(highest, b->log_weight[i]);
   for (integer i = 0; i < N; ++i) sum += b->weight[i] = exp(b->log_weight[i] -= highest);
+  const real shift = log(sum / N); /* makes log_weight the logarithm of N times the weight */
   b->stuck = b->speed = 0.0;
   for (integer i = 0; i < N; ++i) {
     const real p = b->weight[i] /= sum;
-    b->log_weight[i] -= log(sum / N); /* the logarithm of N times the weight */
+    b->log_weight[i] -= shift;
     b->speed += p * b->travel[i];
     if (b->stalled[i] > 0.0 || b->ratio[i] < STANDING_RATIO) b->stuck += p;
   }
@@ -307,7 +301,7 @@ static void resample(Belief *b) {
   b->max_factor = 0.0;
   for (integer c = 0; c < b->n_soils; ++c) {
     const real *weight = b->weight + c * M, whole = fmax(b->p_soil[c], 1e-300);
-    b->max_factor += b->p_soil[c] * greatest_factor(b, c);
+    b->max_factor += b->p_soil[c] * b->greatest[c];
     const real evidence = log(whole * b->n_soils);
     const real kept = log(fmax(whole, LEAST_ODDS * most) * b->n_soils) * (1.0 - b->period / memory);
     const real first = next_chance(&b->random);

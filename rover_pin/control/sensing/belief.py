@@ -18,8 +18,8 @@ from rover_pin.simulation.native import lanes
 from rover_pin.simulation.native.shared import fill, members, struct_fields
 
 PARTICLES = 216
-"""Number of particles of the filter that estimates the slip on board. They are in blocks of equal size, one for each soil
-that the filter considers, so that the number is a multiple of the number of soils times the SIMD lanes."""
+"""Number of particles of the filter that estimates the slip on board. They are in blocks of equal size, one for each
+soil that the filter considers, so that the number is a multiple of the number of soils times the SIMD lanes."""
 LENGTHS = {
     "MAX_WHEELS": 48,  # largest number of wheels of a rover
     "N_FACTORS": 201,  # slips at which the torque factor F is tabulated
@@ -105,6 +105,7 @@ FIELDS: list[tuple[Any, dict[str, str], str]] = [
             "radius": "(n) wheel radii [m]",
             "factors": "(n_soils, N_FACTORS) torque factor F of each soil over slips from -1 to 1",
             "softness": "(n_soils) shear displacement k over strength, relative to the mean soil",
+            "greatest": "(n_soils) largest torque factor F of each soil",
             "p_soil": "(n_soils) probability of each soil",
             "samples": "(WINDOW, sample) latest samples",
             "mean": "(sample) means over the latest samples",

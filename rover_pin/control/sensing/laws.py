@@ -36,7 +36,9 @@ class ReadingTrust(Record):
     outliers: Scalar = quantity(0.1, "", "assumed: probability that a wheel meets a wall or a stone", 1e-9, 1.0)
     correlated: Scalar = quantity(0.3, "s", "assumed: torques within this time have one error", 1e-3, 10.0)
     memory: Scalar = quantity(25.0, "s", "assumed: the soil may change within this time", 0.1, 1e6)
-    balance: Scalar = quantity(0.02, "", "assumed: error of the balance of forces, as a fraction of the weight", 1e-3, 1.0)
+    balance: Scalar = quantity(
+        0.02, "", "assumed: error of the balance of forces, as a fraction of the weight", 1e-3, 1.0
+    )
     balance_correlated: Scalar = quantity(
         1.0, "s", "assumed: balances of forces within this time have one error", 1e-3, 100.0
     )

@@ -135,6 +135,7 @@ class OnboardSlip:
             torque_per_current=self.constant,
             radius=radii.copy(),
             factors=np.ascontiguousarray(self.soils.factors, dtype=float),
+            greatest=self.soils.factors.max(axis=1),
             softness=np.ascontiguousarray(self.soils.softness, dtype=float),
             memory=float(trust["memory"]),
             resistance=self.soils.resistance,

@@ -46,12 +46,11 @@ CERTAIN = BeliefSD(k=0.0, strength=0.0, torque=0.0, resistance=0.0)
 """The uncertainty of an estimate that takes its model for certain."""
 
 
-UNKNOWN_SAND = BeliefSD(k=0.7, strength=0.15, torque=0.05, resistance=0.08)
-"""The uncertainty of an estimate that knows nothing about a sand. With the mean k of 12 mm, it covers values from about 5
-to 30 mm, most of the sands in `SOILS`."""
-UNKNOWN_K, UNKNOWN_PHI, UNKNOWN_R = 0.012, math.radians(33.0), 0.1
-"""Mean shear displacement k [m], friction angle phi [rad] and motion resistance R [-] of a sand about which nothing is
-known (assumed)."""
+UNKNOWN_SAND = BeliefSD(k=0.6, strength=0.15, torque=0.05, resistance=0.08)
+UNKNOWN_K, UNKNOWN_PHI, UNKNOWN_R = 0.02, math.radians(34.0), 0.1
+"""The belief about a sand of which nothing is known. UNKNOWN_K [m] and UNKNOWN_PHI [rad] are the means of the shear
+displacement k (on a logarithmic scale) and of the friction angle phi of the soils in `SOILS`, and UNKNOWN_SAND has their
+scatter. The motion resistance UNKNOWN_R [-] and its SD are assumed."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +131,8 @@ def highest_strength(sd: BeliefSD) -> float:
 
 
 STRENGTH_SLIP = 0.9
-"""Slip at which the torque factors of several models are compared, to find the uncertainty of the soil's strength [-]."""
+"""Slip at which the torque factors of several models are compared [-]. Their scatter is the uncertainty of the soil's
+strength."""
 
 
 def _on_soil(plant: Model, soil: Soil) -> Model:

@@ -22,7 +22,7 @@ from rover_pin.onboard.monitor import source as monitor_source
 from rover_pin.onboard.monitor.monitor import CANNOT_TELL, CAUSES, Monitor
 from rover_pin.simulation.native.shared import c_table
 
-BELIEF_TABLES = {"radius": "RADIUS", "factors": "FACTORS", "softness": "SOFTNESS"}
+BELIEF_TABLES = {"radius": "RADIUS", "factors": "FACTORS", "greatest": "GREATEST", "softness": "SOFTNESS"}
 """Names of the constant C tables behind pointers in the C struct Belief, by the field of the struct."""
 
 
@@ -76,6 +76,7 @@ def _onboard_estimate(estimate: OnboardSlip, radius: float) -> str:
     lines += [f"  b->{name} = {table};" for name, table in BELIEF_TABLES.items()]
     return f"""{c_table("real", "RADIUS", belief["radius"])}
 {c_table("real", "FACTORS", belief["factors"].ravel())}
+{c_table("real", "GREATEST", belief["greatest"])}
 {c_table("real", "SOFTNESS", belief["softness"])}
 
 static void begin(RoverControl *c) {{

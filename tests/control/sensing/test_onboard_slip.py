@@ -76,8 +76,9 @@ def test_a_loss_of_strength_that_the_model_has_is_read_through():
 
 
 def test_a_wall_is_no_slip():
-    """A ditch whose sand loses half of its strength: at the far wall torques fit no slip, and the rover gets out."""
+    """A ditch whose known sand loses half its strength: at the far wall torques fit no slip, and the rover gets out."""
     sand = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03, "terrain.wall_angle_deg": 38.0}
+    sand["control.believes"] = "plant"
     drive = scenario(
         "ditch", soil="table-1", control="onboard", duration=26.0, add="PostPeak.fraction=0.5", **sand
     ).drive()
