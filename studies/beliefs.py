@@ -50,7 +50,7 @@ from rover_pin.tuning.evaluations import Evaluations
 
 SEEDS = {"project": 430_001, "strange": 440_001}
 """Generator of drives -> seed of its first drive. Nothing was chosen on these seeds."""
-ROUNDS, DURATION = 3, 40.0
+ROUNDS, DURATION = 2, 40.0
 """Number of rounds of ten drives of each generator, and the duration of a drive [s]."""
 STRANGE_GOAL = {"ditch": 0.95, "incline": 1.0, "bump": 0.9, "washboard": 0.9, "hills": 0.7}
 """Scenario of the strange generator -> position x that the base must reach for the drive to count as passed [m]."""

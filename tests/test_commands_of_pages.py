@@ -78,7 +78,7 @@ BY_HAND = {
     "pages are made of it and `test_fig8_log` finds it again",
     "python studies/slip_sensing.py": "100 drives with estimates beside them, three minutes of CPU",
     "python studies/slip_controllers.py": "1,500 drives, twenty minutes of CPU; pages are made of its table",
-    "python studies/beliefs.py": "1,280 drives, fifteen minutes of CPU; pages are made of its table",
+    "python studies/beliefs.py": "640 drives, five minutes of CPU; pages are made of its table",
     "python studies/monitor.py": "300 drives beside the monitor, six minutes of CPU; pages are made of its table",
     "python studies/beyond_the_paper.py": "a tuning on the full rover, three minutes of CPU; its table as well",
     "python studies/benchmarks/long_log.py": "a loop on an hour's recording, three minutes of CPU",

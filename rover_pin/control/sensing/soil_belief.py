@@ -46,11 +46,12 @@ CERTAIN = BeliefSD(k=0.0, strength=0.0, torque=0.0, resistance=0.0)
 """The uncertainty of an estimate that takes its model for certain."""
 
 
-UNKNOWN_SAND = BeliefSD(k=0.6, strength=0.15, torque=0.05, resistance=0.08)
+UNKNOWN_SAND = BeliefSD(k=0.6, strength=0.15, torque=0.05, resistance=0.2)
 UNKNOWN_K, UNKNOWN_PHI, UNKNOWN_R = 0.02, math.radians(34.0), 0.1
 """The belief about a sand of which nothing is known. UNKNOWN_K [m] and UNKNOWN_PHI [rad] are the means of the shear
-displacement k (on a logarithmic scale) and of the friction angle phi of the soils in `SOILS`, and UNKNOWN_SAND has their
-scatter. The motion resistance UNKNOWN_R [-] and its SD are assumed."""
+displacement k (on a logarithmic scale) and of the friction angle phi of the soils in `SOILS`, and UNKNOWN_SAND has
+their scatter. The motion resistance UNKNOWN_R [-] and its SD are assumed; they cover the usual values from 0.02 to
+0.25, so that the balance of forces hardly counts."""
 
 
 @dataclass(frozen=True)
