@@ -40,6 +40,10 @@ CLAIMS = [
             ("by the hole, on board", "the same, slip estimated on board"),
         )
     ),
+    "it passes {{ beliefs.of['unknown sand'].project.passed }} and buries "
+    "{{ beliefs.of['unknown sand'].project.buried }} of\n{{ beliefs.drives }} [other drives]",
+    "where constant duty passes {{ beliefs.of['constant duty'].project.passed }} and buries "
+    "{{ beliefs.of['constant duty'].project.buried }}.",
     "the answer contains this effect in {{ ' of '.join(blind.rigs.counts.named) }} cases",
     "Without a hidden effect, {{ ' of '.join(blind.rigs.counts.alarms) }} cases are false alarms",
     "wheel rigs, {{ blind.rigs.sets }} sets | drive logs, {{ blind.logs.sets }} sets",

@@ -1,6 +1,7 @@
 """The ready-made controllers that the words of the setting `control` name. Start at `controller_from`."""
 
 import dataclasses
+import functools
 import math
 from pathlib import Path
 
@@ -18,19 +19,23 @@ from rover_pin.control.motion.servo import HeldSpeeds, Servo, cruise_speed
 from rover_pin.control.open_loop import ConstantDuty, Crab, Turn
 from rover_pin.control.sensing.odometry import Camera, TrackedSlip, Tracker, VisualOdometry
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
-from rover_pin.control.sensing.soil_belief import ControllerBelief, highest_strength
+from rover_pin.control.sensing.soil_belief import ControllerBelief, highest_strength, on_soil
 from rover_pin.control.sensing.stop import Stop, StopStuck
 from rover_pin.control.slip_control import HOLE_GAINS, Gains, HoleLaw, SlipControl, load_gains, load_hole
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.torque_check import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.effects.motion_resistance import MotionResistance
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.experiments.wheel_rig.model import read_model as read_rig_model
 from rover_pin.parameters import SOILS
 from rover_pin.rover.wheel_base import base_of, effective_track
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.cruise import CRUISE_DUTY
 from rover_pin.simulation.model.defaults import scale
 from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.model.toml_file import is_rig_model, models_of, read_model
 from rover_pin.simulation.stepping.timing import CONTROL_PERIOD
+from rover_pin.terrain import shapes
 
 TURNS = ("turn", "point-turn", "crab", "cmd-vel", "rates", "route")
 """Words of the setting `control` for controls that steer the wheels, or that drive the two sides at different
@@ -157,11 +162,24 @@ def _belief(request: Settings, model: Model, trust: Trust) -> ControllerBelief:
     elif word == UNKNOWN:
         belief = ControllerBelief.unknown_sand(model)
     elif is_file(Path(word)) or is_folder(Path(word)):
-        belief = ControllerBelief.of_file(word, trust)
+        belief = ControllerBelief.of_models([_read_believed(file, model, trust) for file in models_of(word)], word)
     else:
         belief = ControllerBelief.of_soil(model, one_of("control.believes", word, belief_words()))
     sd = belief.sd.replace(**request.record("control.believes", belief.sd))
     return dataclasses.replace(belief, sd=sd)
+
+
+def _read_believed(file: Path, plant: Model, trust: Trust) -> Model:
+    """Return the model in a file for a controller's belief. The model of a wheel rig gives soil, traction law and
+    effects, and the rover, motors and gravity are those of the model that is driven (`plant`).
+
+    Raises RoverPinError: the file cannot be read.
+    """
+    if not is_rig_model(str(file)):
+        return read_model(file, shapes.flat(), trust)
+    rig = read_rig_model(str(file), trust)
+    traction = next((effect for effect in rig.effects if isinstance(effect, SoilTraction)), None)
+    return functools.reduce(Model.having, rig.effects, on_soil(plant, rig.soil, traction))
 
 
 def belief_note(controller: Controller) -> tuple[str, ...]:

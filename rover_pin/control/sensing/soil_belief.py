@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from rover_pin.base.quantity import Record, quantity
-from rover_pin.base.trust import Trust
 from rover_pin.contact import Scalar, Soil
 from rover_pin.control.torque_factor import torque_factors
 from rover_pin.effects.motion_resistance import MotionResistance
@@ -21,7 +20,6 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.parameters.soils import HARD_GROUND
 from rover_pin.simulation.model.defaults import driven_soil, usual_angles, usual_slip
 from rover_pin.simulation.model.model import Model, base_effects
-from rover_pin.simulation.model.toml_file import models_of, read_model
 from rover_pin.soil.wheel_forces import FORMS
 from rover_pin.terrain import shapes
 
@@ -79,7 +77,7 @@ class ControllerBelief:
         about the sand.
         """
         soil = driven_soil(plant.rover).value.replace(c=0.0, phi=UNKNOWN_PHI, k=UNKNOWN_K)
-        model = _on_soil(plant, soil).having(MotionResistance(R=UNKNOWN_R))
+        model = on_soil(plant, soil).having(MotionResistance(R=UNKNOWN_R))
         return cls(model, UNKNOWN_SAND, "unknown-sand")
 
     @classmethod
@@ -87,21 +85,18 @@ class ControllerBelief:
         """Return the belief of a controller that knows the rover, its motors and the gravity of a model, and the soil
         by its name in `SOILS`.
         """
-        return cls(_on_soil(plant, driven_soil(plant.rover, name).value), BeliefSD(), name)
+        return cls(on_soil(plant, driven_soil(plant.rover, name).value), BeliefSD(), name)
 
     @classmethod
-    def of_file(cls, path: str | Path, trust: Trust) -> ControllerBelief:
-        """Return the belief in a model file, or in all model files of a folder, such as the posterior of a loop.
+    def of_models(cls, models: Sequence[Model], source: str) -> ControllerBelief:
+        """Return the belief in models that are equally probable, such as the posterior of a loop.
 
-        The soil of the models of a folder is averaged, and their scatter is the uncertainty of the belief. The numbers
-        of a single file have the uncertainty of a named soil.
-
-        Raises RoverPinError: a file cannot be read.
+        The k of the models is averaged, and their scatter is the uncertainty of the belief. A single model has the
+        uncertainty of a named soil. `source` states the origin of the models.
         """
-        models = [read_model(file, shapes.flat(), trust) for file in models_of(path)]
         middle, usual = models[0], BeliefSD()
         if len(models) == 1:
-            return cls(middle, usual, str(path))
+            return cls(middle, usual, source)
         log_k = np.log([float(model.soils[0].k) for model in models])
         # The torque factor at a large slip contains every cause of strength: phi, c, and the effects of the model.
         log_strength = np.log([float(torque_factors(model, [STRENGTH_SLIP])[0]) for model in models])
@@ -110,7 +105,7 @@ class ControllerBelief:
         soil = middle.soils[0].replace(k=math.exp(float(np.mean(log_k))))
         scatter = {"k": np.std(log_k), "strength": np.std(log_strength), "resistance": np.std(R)}
         sd = usual.replace(**{name: float(value) for name, value in scatter.items()})
-        return cls(middle.replace(soils=(soil, *middle.soils[1:])), sd, str(path))
+        return cls(middle.replace(soils=(soil, *middle.soils[1:])), sd, source)
 
     @property
     def sentence(self) -> str:
@@ -136,9 +131,12 @@ STRENGTH_SLIP = 0.9
 strength."""
 
 
-def _on_soil(plant: Model, soil: Soil) -> Model:
-    """Return a model of the plant's rover, motors and gravity on a soil, with the usual effects on flat ground."""
-    traction = SoilTraction(FORMS["torque"], usual_angles(plant.rover))
+def on_soil(plant: Model, soil: Soil, traction: SoilTraction | None = None) -> Model:
+    """Return a model of the plant's rover, motors and gravity on a soil, with the usual effects on flat ground.
+
+    `traction` is the law of traction; by default the torque form with the usual contact angles of the rover's wheels.
+    """
+    traction = traction or SoilTraction(FORMS["torque"], usual_angles(plant.rover))
     effects = base_effects(soil, plant.rover, traction, plant.gravity)
     grounds, springs = (soil, HARD_GROUND), plant.rover.springs
     return Model(

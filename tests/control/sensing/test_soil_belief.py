@@ -7,9 +7,13 @@ import pytest
 
 from rover_pin import ConstantDuty, scenario, simulate
 from rover_pin.base.errors import ParameterError
+from rover_pin.contact import Soil, Wheel
 from rover_pin.control.sensing.onboard_slip import SLIPS, OnboardSlip
 from rover_pin.control.sensing.soil_belief import CERTAIN, BeliefSD, ControllerBelief, SoilHypotheses
 from rover_pin.control.torque_factor import torque_factors
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.model import write_model as write_rig_model
 from rover_pin.simulation.model.toml_file import write_model
 from rover_pin.simulation.sensors import NoisyController, Sensors
 
@@ -70,6 +74,16 @@ def test_a_folder_of_models_is_a_belief_with_their_scatter(tmp_path):
     alone, _ = believed(**{"control.believes": str(tmp_path / "1.toml")})
     assert float(alone.model.soils[0].k) == pytest.approx(0.009)
     assert alone.sd == BeliefSD()
+
+
+def test_a_rig_s_model_is_a_belief_about_the_soil(tmp_path):
+    """The wheel rig tells the soil and its law, and the rover that drives brings wheels, motors and gravity."""
+    soil = Soil(k=0.013)
+    rig = RigModel(Wheel(), soil, (SoilTraction(),))
+    belief, drive = believed(**{"control.believes": str(write_rig_model(rig, tmp_path / "rig.toml"))})
+    assert belief.model.soils[0] == soil
+    assert belief.model.rover is drive.model.rover
+    assert belief.sd == BeliefSD()
 
 
 def test_hypotheses_have_the_moments_of_the_belief():
