@@ -41,7 +41,7 @@ CLAIMS = [
         )
     ),
     "it passes {{ beliefs.of['unknown sand'].project.passed }} and buries "
-    "{{ beliefs.of['unknown sand'].project.buried }} of\n{{ beliefs.drives }} [other drives]",
+    "{{ beliefs.of['unknown sand'].project.buried }} of {{ beliefs.drives }} [other drives]",
     "where constant duty passes {{ beliefs.of['constant duty'].project.passed }} and buries "
     "{{ beliefs.of['constant duty'].project.buried }}.",
     "the answer contains this effect in {{ ' of '.join(blind.rigs.counts.named) }} cases",
