@@ -314,8 +314,13 @@ def _number(beliefs: Beliefs, hypothesis: Hypothesis, place: int) -> Number:
     # The interval comes from the average over the hypotheses, the stated value from this hypothesis.
     mean, sd = beliefs.moments(hypothesis, parameter.name)
     low, high = (float(np.clip(end, *parameter.bounds)) for end in (mean - NORMAL_95 * sd, mean + NORMAL_95 * sd))
-    # The average may be centred away from this hypothesis, but the interval always contains the stated value.
-    low, high = min(low, u), max(high, u)
+    if not low <= u <= high:
+        # The average is centred away from the stated value. The interval is then centred on the stated value, with the
+        # RMS deviation from this value, so that it does not end on the value.
+        reach = NORMAL_95 * math.hypot(sd, mean - u)
+        low, high = (float(np.clip(end, *parameter.bounds)) for end in (u - reach, u + reach))
+    prior = [float(np.clip(end, *parameter.bounds)) for end in (-NORMAL_95, NORMAL_95)]
+    narrowed = (prior[1] - prior[0]) / max(high - low, 1e-300) if parameter.prior else math.inf
     ends = sorted((parameter.value(low), parameter.value(high)))
     unit = hypothesis.experiment.quantity(fitted.model, parameter.name).unit
     at_bound = min(u - parameter.bounds[0], parameter.bounds[1] - u) <= BOUND_TOLERANCE
@@ -323,7 +328,7 @@ def _number(beliefs: Beliefs, hypothesis: Hypothesis, place: int) -> Number:
     covered = (high - low) / (parameter.bounds[1] - parameter.bounds[0])
     # A size of an effect has no declared value from which it could deviate.
     drift = math.nan if _is_amplitude(hypothesis, parameter.name) else u
-    prior_facts = (parameter.beforehand, covered, parameter.declared, parameter.source)
+    prior_facts = (parameter.beforehand, covered, parameter.declared, parameter.source, narrowed)
     return Number(parameter.name, unit, parameter.value(u), ends[0], ends[1], drift, closed, at_bound, *prior_facts)
 
 

@@ -24,6 +24,13 @@ BOUND_TOLERANCE = 1e-6
 """Maximum distance from a bound (in u) of a parameter that counts as at its bound; it only covers rounding."""
 
 
+MIN_NARROWING = 2.0
+"""Smallest narrowing of a parameter's prior interval by the data at which the parameter counts as determined by them.
+
+With a smaller factor, the interval mainly repeats the assumed or declared value, so that the value is no measurement.
+The limit is assumed: at a factor of 2, the data contribute three quarters of the information on the parameter."""
+
+
 class Number(NamedTuple):
     """A fitted parameter of a model with its 95 % interval [SI], as reports and verdict.json show it."""
 
@@ -49,13 +56,23 @@ class Number(NamedTuple):
     """whether the prior came with the data; if not, the prior is assumed"""
     source: str = ""
     """origin of the declared or assumed value, in words"""
+    narrowed: float = math.inf
+    """length of the 95 % interval of the prior (within the bounds) divided by the length of the fitted interval, both
+    in the coordinate u [-]; infinite for a parameter without a prior"""
+
+    @property
+    def is_determined(self) -> bool:
+        """Whether the data determine the parameter: they limit both ends of its interval, and narrow its prior at least
+        MIN_NARROWING times.
+        """
+        return self.closed and self.narrowed >= MIN_NARROWING
 
     @property
     def note(self) -> str:
-        """Remark on the interval: "at its bound" if the value lies at a bound, "not determined by the data" if the data
-        do not limit both ends, otherwise empty.
+        """Remark on the interval: "at its bound" if the value lies at a bound, "not determined by these data" if the
+        data do not limit both ends or hardly narrow the prior, otherwise empty.
         """
-        return "at its bound" if self.at_bound else "" if self.closed else "not determined by the data"
+        return "at its bound" if self.at_bound else "" if self.is_determined else "not determined by these data"
 
     @property
     def interval(self) -> str:
@@ -78,7 +95,7 @@ class Number(NamedTuple):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the parameter as plain values for JSON."""
-        return {**self._asdict(), "note": self.note}
+        return {**self._asdict(), "is_determined": self.is_determined, "note": self.note}
 
 
 def assumed_lines(numbers: Sequence[Number]) -> list[str]:

@@ -79,7 +79,8 @@ def with_interval(number: Number) -> str:
     """Return a fitted number with its 95 % interval as text: "1.2 mm [0.9, 1.5]".
 
     If an end of the interval is a bound of the number and not a result of the data, the remark "limited by its bounds"
-    follows. If the data give no interval, the text ends in "(no interval)".
+    follows. If the data hardly narrow the prior, the remark is "not determined by these data". If the data give no
+    interval, the text ends in "(no interval)".
     """
     factor, _ = in_words(number.unit, number.value)
     if not math.isfinite(number.low + number.high) or number.low == number.high:
@@ -90,7 +91,9 @@ def with_interval(number: Number) -> str:
         if low != high:
             break
     interval = f"{brief(number.value, number.unit, digits)} [{low}, {high}]"
-    return interval if number.closed else f"{interval}, limited by its bounds"
+    if not number.closed:
+        return f"{interval}, limited by its bounds"
+    return interval if number.is_determined else f"{interval}, not determined by these data"
 
 
 def pair(before: float, after: float, unit: str) -> tuple[str, str]:

@@ -403,7 +403,9 @@ def parameter_cautions(fitted: Sequence[Number], flags: Sequence[Flag]) -> list[
         f"{number.name} lies at its bound: the form of the model may be wrong" for number in fitted if number.at_bound
     ]
     clauses += [
-        f"{number.name} is not determined by the data" for number in fitted if not number.closed and not number.at_bound
+        f"{number.name} is not determined by these data"
+        for number in fitted
+        if not number.closed and not number.at_bound
     ]
     clauses += [flag.sentence for flag in flags if flag.says is Against.AWAY]
     clauses += [

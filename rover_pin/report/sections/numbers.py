@@ -37,6 +37,7 @@ def number_table(verdict: Verdict) -> ReportTable:
         *(("before", "after") if added else ("fitted",)),
         "prior",
         "SDs from the prior",
+        "prior narrowed",
         "strongest correlation",
         "note",
     )  # fmt: skip
@@ -84,8 +85,10 @@ def _row(number: Number, before: Mapping[str, Number], parameter: Parameter, par
     if was is not None and math.isfinite(was.drift) and not math.isfinite(number.drift):
         notes.append(f"its prior was released: before, {was.away}")
     drift = f"{number.drift:+.2f}" if math.isfinite(number.drift) else ""
+    narrowed = f"{number.narrowed:.3g} times" if math.isfinite(number.narrowed) else ""
     look = AWAY if notes else CHOSEN if was is None else ""
-    return TableRow((number.name, *sides, beforehand(parameter, number), drift, partner, "; ".join(notes)), look)
+    cells = (number.name, *sides, beforehand(parameter, number), drift, narrowed, partner, "; ".join(notes))
+    return TableRow(cells, look)
 
 
 def beforehand(parameter: Parameter, number: Number) -> str:
