@@ -74,6 +74,8 @@ class Beliefs:
     scores follow from the evidence"""
     end: SearchEnd | None = field(default=None, repr=False)
     """how far the search came; None if every fit has exact derivatives and the number of fits is fixed"""
+    given_raises: np.ndarray | None = field(default=None, repr=False)
+    """raises of the log densities of the folds (hypotheses, folds) that belong to `given_scores`"""
 
     @cached_property
     def scores(self) -> np.ndarray:
@@ -86,8 +88,16 @@ class Beliefs:
         """
         if self.given_scores is not None:
             return self.given_scores
+        priors = [log_prior(len(row.causes), self.choice, row.discrepancy) for row in self.hypotheses]
+        return np.asarray(self._raised_evidence[0] + priors)
+
+    @cached_property
+    def _raised_evidence(self) -> tuple[np.ndarray, np.ndarray]:
+        """Raised log evidence of each hypothesis, and the index of the hypothesis with one more cause that raised it
+        (its own index if it was not raised).
+        """
         plain = np.array([row.log_evidence for row in self.hypotheses])
-        evidence = plain.copy()
+        evidence, raised_by = plain.copy(), np.arange(len(plain))
         index_of = {(frozenset(row.names), row.discrepancy): index for index, row in enumerate(self.hypotheses)}
         # From large sets to small ones, so that a raised evidence of a set also raises those of its subsets.
         for (names, discrepancy), index in sorted(index_of.items(), key=lambda item: -len(item[0][0])):
@@ -96,9 +106,31 @@ class Beliefs:
                 # The gain of the cause counts in part only. If the set without the cause was not tried, `without` is
                 # the set itself and nothing changes.
                 gain = share * (plain[index] - plain[without])
-                evidence[without] = max(evidence[without], evidence[index] - gain)
-        priors = [log_prior(len(row.causes), self.choice, row.discrepancy) for row in self.hypotheses]
-        return np.asarray(evidence + priors)
+                if evidence[index] - gain > evidence[without]:
+                    evidence[without], raised_by[without] = evidence[index] - gain, index
+        return evidence, raised_by
+
+    @cached_property
+    def fold_densities(self) -> np.ndarray:
+        """Log density of each fold given the other folds (hypotheses, folds) [nats].
+
+        If the evidence of a hypothesis was raised, the densities of its folds are raised by the same sum: each fold in
+        proportion to the density that the additional cause gains in this fold. Otherwise the evidence without a fold
+        would contain the whole raise, but the density that is subtracted would contain nothing of it.
+        """
+        plain = np.array([hypothesis.fold_prediction.log_density for hypothesis in self.hypotheses])
+        return plain + self._fold_raises(plain)
+
+    def _fold_raises(self, plain: np.ndarray) -> np.ndarray:
+        """Return the raise of the log density of each fold (hypotheses, folds), for the densities `plain`."""
+        if self.given_scores is not None:
+            return np.zeros(1) if self.given_raises is None else self.given_raises
+        evidence, raised_by = self._raised_evidence
+        raises = evidence - [row.log_evidence for row in self.hypotheses]
+        gains = np.maximum(plain[raised_by] - plain, 0.0)
+        totals = gains.sum(axis=1, keepdims=True)
+        shares = np.where(totals > 0.0, gains / np.where(totals > 0.0, totals, 1.0), 1.0 / plain.shape[1])
+        return np.asarray(raises[:, None] * shares)
 
     @cached_property
     def weights(self) -> np.ndarray:
@@ -240,8 +272,7 @@ def scores_without(beliefs: Beliefs) -> np.ndarray:
     density of this fold given the other folds.
     """
     # ln p(all data) = ln p(other folds) + ln p(fold | other folds), so that a subtraction leaves the fold out.
-    density = np.array([hypothesis.fold_prediction.log_density for hypothesis in beliefs.hypotheses]).T
-    return np.asarray(beliefs.scores - density)
+    return np.asarray(beliefs.scores - beliefs.fold_densities.T)
 
 
 def weights_without(beliefs: Beliefs) -> np.ndarray:
@@ -297,7 +328,14 @@ def across_folds(beliefs: Beliefs) -> Beliefs:
     """
     log_weights = scores_without(beliefs)
     log_weights = log_weights - logsumexp(log_weights, axis=1, keepdims=True)
-    return replace(beliefs, given_scores=np.asarray(logsumexp(log_weights, axis=0) - math.log(len(log_weights))))
+    averages = np.asarray(logsumexp(log_weights, axis=0) - math.log(len(log_weights)))
+    return replace(beliefs, given_scores=averages, given_raises=_raises_of(beliefs))
+
+
+def _raises_of(beliefs: Beliefs) -> np.ndarray:
+    """Return the raises of the log densities of the folds (hypotheses, folds), to keep them next to other scores."""
+    plain = np.array([hypothesis.fold_prediction.log_density for hypothesis in beliefs.hypotheses])
+    return np.asarray(beliefs.fold_densities - plain)
 
 
 def toward_prior(averaged: Beliefs, folds: int) -> Beliefs:
@@ -321,7 +359,10 @@ def excluding(beliefs: Beliefs, names: Iterable[str]) -> Beliefs:
     unwanted = set(names)
     rows = [at for at, row in enumerate(beliefs.hypotheses) if row.is_fitted and not unwanted <= set(row.names)]
     return replace(
-        beliefs, hypotheses=tuple(beliefs.hypotheses[at] for at in rows), given_scores=beliefs.scores[np.array(rows)]
+        beliefs,
+        hypotheses=tuple(beliefs.hypotheses[at] for at in rows),
+        given_scores=beliefs.scores[rows],
+        given_raises=_raises_of(beliefs)[rows],
     )
 
 
