@@ -17,7 +17,7 @@ from rover_pin.discrepancy.held_out_errors import ChannelScore, HeldOut, taken_s
 from rover_pin.discrepancy.rivals import is_better
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.least_squares import Task
-from rover_pin.estimation.profile import CONFIDENCE, MAJORITY
+from rover_pin.estimation.profile import CONFIDENCE, MAJORITY, MAX_CHI_SQUARE
 from rover_pin.estimation.wording import Outcome, share
 from rover_pin.inference.beliefs import (
     Beliefs,
@@ -28,14 +28,6 @@ from rover_pin.inference.beliefs import (
     held_out_gain,
     toward_prior,
 )
-
-MAX_CHI_SQUARE = 3.0
-"""Reduced chi2 of the model with the kept causes, above which the probabilities do not follow from the evidence: they
-are averaged over the folds and one further fold with the prior probabilities. A single fold that chooses other causes
-then also suffices to change the answer.
-
-Probabilities are computed as if the residual were noise. At a reduced chi2 of 3, two thirds of the squared residual are
-not the declared noise, so that the probabilities given all data are too close to 0 and 1."""
 
 
 class Confirmation(NamedTuple):
@@ -65,7 +57,7 @@ def confirmed(beliefs: Beliefs, held_out_of: Callable[[Hypothesis], HeldOut]) ->
 
     4. If the reduced chi2 with the kept causes exceeds MAX_CHI_SQUARE, or if their fit did not reach its minimum, the
     evidence cannot be certain of them. The answer is LIKE instead of NAMED, and the probabilities are averaged over the
-    folds and the prior (`toward_prior`), unless rule 1 has averaged them over folds that disagree.
+    folds and the prior (`toward_prior`), unless the average over the folds is already below F / (F + 1) for F folds.
 
     Parameters
     ----------
@@ -125,8 +117,10 @@ def confirmed(beliefs: Beliefs, held_out_of: Callable[[Hypothesis], HeldOut]) ->
     # Rule 4: without a description of the data, or without the minimum, no probability is near 0 or 1.
     doubts = doubts_of(deciding, decision.retained)
     if doubts:
-        if not is_averaged:
-            deciding = toward_prior(across_folds(deciding), len(choices))
+        averaged = deciding if is_averaged else across_folds(deciding)
+        # Folds that disagree already give an average that is not near 0 or 1.
+        if not is_averaged or max(averaged.sets.values()) > len(choices) / (len(choices) + 1):
+            deciding = toward_prior(averaged, len(choices))
             basis = "on average over the folds and the prior"
         answer = Answer.LIKE if decision.answer is Answer.NAMED else decision.answer
         decision = decision._replace(answer=answer, doubts=doubts)

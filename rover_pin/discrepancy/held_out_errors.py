@@ -25,6 +25,8 @@ from rover_pin.estimation.wording import Change, format_value
 BOOTSTRAP_DRAWS = 2000
 """Number of resampled data sets in the bootstrap of an interval. With 2000, the ends of a 95 % interval vary by about
 0.06 SD from seed to seed; more would only cost time."""
+MAX_DRAWN_STRETCHES = 2_000_000
+"""Maximum number of stretches that the bootstrap draws at once; they take 50 MB of memory."""
 REFIT_SIZE_SD = 3.0
 """Prior SD of an effect's size in the fit without one fold, in default sizes; the prior has its mean at the size fitted
 to all folds.
@@ -207,9 +209,13 @@ def _change_interval(
     `sums` (2, stretches) are the sums of the squared residuals of each stretch before and after causes were added. Both
     rows are resampled together, so that the errors are compared on common stretches.
     """
-    # The same stretches are drawn for both sides, so that their common scatter cancels in the ratio.
-    draws = random.integers(0, sums.shape[1], (BOOTSTRAP_DRAWS, sums.shape[1]))
-    before, after = sums[:, draws].sum(axis=2)
+    # The same stretches are drawn for both sides, so that their common scatter cancels in the ratio. A long run has
+    # thousands of stretches, so that only some of the resampled data sets are held in memory at once.
+    count, totals = max(MAX_DRAWN_STRETCHES // sums.shape[1], 1), []
+    for first in range(0, BOOTSTRAP_DRAWS, count):
+        draws = random.integers(0, sums.shape[1], (min(count, BOOTSTRAP_DRAWS - first), sums.shape[1]))
+        totals.append(sums[:, draws].sum(axis=2))
+    before, after = np.concatenate(totals, axis=1)
     # Bonferroni's bound: the probability of an error is divided by the number of comparisons.
     tail = 0.5 - 0.5 * CONFIDENCE
     changes = (after / np.maximum(before, 1e-300)) ** power - 1
@@ -219,8 +225,7 @@ def _change_interval(
 
 def _stretch_sums(values: np.ndarray) -> np.ndarray:
     """Return the sums of `values` over stretches of STRETCH_BLOCKS successive samples along the last axis."""
-    starts = range(0, values.shape[-1], STRETCH_BLOCKS)
-    return np.stack([values[..., start : start + STRETCH_BLOCKS].sum(axis=-1) for start in starts], axis=-1)
+    return np.add.reduceat(values, np.arange(0, values.shape[-1], STRETCH_BLOCKS), axis=-1)
 
 
 def lost_folds(scores: Sequence[ChannelScore], reason: str) -> tuple[str, ...]:

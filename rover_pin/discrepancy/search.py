@@ -29,7 +29,7 @@ from rover_pin.estimation.least_squares import Task
 from rover_pin.estimation.minimum import to_minimum
 from rover_pin.estimation.noise import first_noise
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.profile import CLEAR_SDS, CONFIDENCE
+from rover_pin.estimation.profile import CLEAR_SDS, CONFIDENCE, MAX_CHI_SQUARE
 from rover_pin.estimation.random_effects.learnt_noise import with_noise
 from rover_pin.estimation.residual import residual
 from rover_pin.inference.beliefs import Beliefs, SearchEnd
@@ -218,8 +218,8 @@ The searches on the drive logs of the tests predict 190 to 290 models. A search 
 one local minimum to the next."""
 FITS_FROM_DECLARED = 6
 """Maximum number of causes whose fit is also started from the declared parameters of the base model. This is done if
-fitted parameters lie far outside their priors. The causes with the highest evidence at the declared values are chosen;
-each further fit would cost minutes."""
+fitted parameters lie far outside their priors, or if the residual of the base model is no noise. The causes with the
+highest evidence at the declared values are chosen; each further fit would cost minutes."""
 Names = frozenset[str]
 """Names of the causes of a set."""
 
@@ -299,12 +299,13 @@ class Search:
         """
         self.progress("estimating the evidence of each candidate and of pairs")
         self.options = {option.candidate.name: option for option in options(self.base, rows)}
-        # If fitted parameters of the base model lie far outside their priors, they may imitate the missing effect, so
-        # that the right candidate improves nothing at the fitted values. At the declared values the whole effect is
-        # visible, so the candidates are then also estimated there, each at its best place for these values.
+        # If fitted parameters of the base model lie far outside their priors, or if its residual is no noise, the
+        # parameters may imitate the missing effect, so that the right candidate improves nothing at the fitted values:
+        # a tank does not overflow at a fitted level below its rim. At the declared values the whole effect is visible,
+        # so the candidates are then also estimated there, each at its best place for these values.
         declared, at_declared = self.base, list[Option]()
-        if is_bent(self.base):
-            self.progress("numbers left their priors: estimating every candidate at the declared numbers too")
+        if is_bent(self.base) or self.base.misfit > MAX_CHI_SQUARE:
+            self.progress("estimating every candidate at the declared numbers too")
             declared = as_declared(self.base)
             candidates = list(dict.fromkeys(row.candidate for row in rows))
             at_declared = options(declared, signatures(declared, candidates), is_optimum=False)

@@ -16,6 +16,14 @@ main part."""
 CLEAR_SDS = 3.0
 """Minimum deviation in SDs of a difference that counts as more than chance. A normally distributed value deviates by
 more than 3 SD once in 370 cases; the limit is the custom of the field."""
+MAX_CHI_SQUARE = 3.0
+"""Largest reduced chi2 of a model whose residual can count as noise. Above it, the search for missing effects also
+starts from the declared parameters, and the stated probabilities do not follow from the evidence: they are averaged
+over the folds and one further fold with the prior probabilities. A single fold that chooses other causes then also
+suffices to change the answer.
+
+Probabilities are computed as if the residual were noise. At a reduced chi2 of 3, two thirds of the squared residual are
+not the declared noise, so that the probabilities given all data are too close to 0 and 1."""
 NORMAL_95 = float(ndtri(0.5 + 0.5 * CONFIDENCE))
 """Half the width of the 95 % interval of a normal distribution, in SDs: 1.96. Its square, 3.84, is the rise of chi2 at
 the ends of such an interval."""

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import entr, logsumexp
 
 from rover_pin.base.public import brief
 from rover_pin.estimation.experiment import Experiment, model_at, slopes_at
@@ -284,7 +284,7 @@ def next_measurement(
         progress(f"expected information of {offer.label}")
         expected = [with_uncertain_numbers(offer, *pair) for pair in zip(hypotheses, known, strict=True)]
         choices += [_best(weights, offer, expected, offer.unmeasured), _best(weights, offer, expected)]
-    open_nats = float(-np.sum(weights * np.log(weights)))
+    open_nats = float(entr(weights).sum())
     # A new sensor is only worth its effort if it brings at least twice the information.
     measured, best = _greatest(choices[::2]), _greatest(choices)
     best = measured if measured.nats >= MAJORITY * best.nats else best

@@ -283,6 +283,8 @@ def test_absorbed_effect_is_found_from_the_declared_numbers(monkeypatch):
     assert dict(best.model.records)["p"].a == pytest.approx(1.0, abs=0.1)
     assert abs(best.fit.u[0]) < 1.0
     monkeypatch.setattr(module, "is_bent", lambda fitted: False)
+    assert toys.searched(stuck(1.0), "pqr").beliefs().inclusion("p") > 0.99, "the residual is no noise"
+    monkeypatch.setattr(module, "MAX_CHI_SQUARE", math.inf)
     assert toys.searched(stuck(1.0), "pqr").beliefs().inclusion("p") < 0.5, "from the base there is no way down"
 
 
