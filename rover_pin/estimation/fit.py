@@ -156,7 +156,9 @@ class Fit:
         row_owner = np.broadcast_to(owner, good.shape)[good]
         # Slope of chi2 / 2 of each row; their sum over a cluster has the cluster's own scatter.
         pushed = self.columns * (huber_weights(rows) * rows)[:, None]
-        sums = np.array([pushed[row_owner == cluster].sum(axis=0) for cluster in np.unique(row_owner)])
+        # One pass over the rows, because a long run has thousands of clusters.
+        _, cluster = np.unique(row_owner, return_inverse=True)
+        sums = np.array([np.bincount(cluster, column) for column in pushed.T]).reshape(pushed.shape[1], -1).T
         # The slopes of all clusters sum to zero at the optimum, which costs one degree of freedom.
         small_sample_factor = len(sums) / max(len(sums) - 1, 1)
         spread = self.covariance
