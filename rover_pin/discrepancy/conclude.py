@@ -269,7 +269,7 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
         errors.runs,
         {name: " + ".join(sorted(chosen)) for name, chosen in zip(folds, chosen_without(beliefs), strict=True)},
         vetoes,
-        (*left_out(beliefs), *lost_folds(errors.channels, question.experiment.no_value)),
+        (*noise_at_bound(best), *left_out(beliefs), *lost_folds(errors.channels, question.experiment.no_value)),
         overturned=decision.reasons,
         beliefs=beliefs,
         deciding=None if deciding is beliefs else deciding,
@@ -290,6 +290,14 @@ def left_out(beliefs: Beliefs) -> tuple[str, ...]:
     more = f" and {len(sets) - MAX_NAMED} more" if len(sets) > MAX_NAMED else ""
     listed = f"{words}{more}" if sets else "no other set of causes is estimated to be more probable"
     return (f"the search ended at its budget of {beliefs.end.budget} predictions of a model; {listed}",)
+
+
+def noise_at_bound(hypothesis: Hypothesis) -> tuple[str, ...]:
+    """Return a sentence if the noise of a hypothesis is the largest that its prior allows; otherwise nothing."""
+    times = hypothesis.noise_at_bound
+    if not times:
+        return ()
+    return (f"the noise scale of the fit lies at the bound of its prior, {times:.2f} times the declared noise",)
 
 
 def side_of(beliefs: Beliefs, hypothesis: Hypothesis) -> Side:

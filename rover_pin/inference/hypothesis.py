@@ -23,11 +23,20 @@ from rover_pin.estimation.experiment import Differentiable, model_at
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.least_squares import Task
 from rover_pin.estimation.noise import declared_noise
+from rover_pin.estimation.numbers import BOUND_TOLERANCE
 from rover_pin.estimation.parameter import Parameter, bounds_of
 from rover_pin.estimation.residual import residual
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.error_model import PRIORS, Discrepancy, ErrorModel
-from rover_pin.inference.evidence import FoldPrediction, Linear, Posterior, learnt_scales, posterior, predict_folds
+from rover_pin.inference.evidence import (
+    MAX_SCALE_SDS,
+    FoldPrediction,
+    Linear,
+    Posterior,
+    learnt_scales,
+    posterior,
+    predict_folds,
+)
 from rover_pin.inference.priors import log_share_inside
 from rover_pin.inference.samples import Samples
 
@@ -131,6 +140,20 @@ class Hypothesis:
             name = self.experiment.channels[samples.channel[block[0]]]
             squares.setdefault(name, []).append(float(np.mean(noise / raised)) / samples.noise[channel] ** 2)
         return {name: math.sqrt(float(np.mean(values))) for name, values in squares.items()}
+
+    @property
+    def noise_at_bound(self) -> float:
+        """Largest noise scale of a channel, divided by the declared noise, if it is the largest scale that the search
+        allows; 0 otherwise.
+        """
+        letters = [letter for letter, _ in self.errors.scales]
+        upper = self.errors.median + MAX_SCALE_SDS * self.errors.sd
+        at_bound = [
+            math.exp(scale)
+            for letter, scale, bound in zip(letters, self.posterior.scales, upper, strict=True)
+            if letter == "s" and scale >= bound - BOUND_TOLERANCE
+        ]
+        return max(at_bound, default=0.0)
 
     @property
     def leaves_more(self) -> bool:

@@ -155,6 +155,15 @@ class LinearHypothesis:
         times = noise.floor / noise.lower_bound(scatter)
         return dict(zip(self.experiment.channels, times.tolist(), strict=True))
 
+    @property
+    def noise_at_bound(self) -> float:
+        """Noise scale of the evidence, divided by the declared noise, if it is the largest scale that its prior allows;
+        0 otherwise, and 0 for noise that was estimated from the residual.
+        """
+        scales = self.expansion.scales
+        is_largest = len(scales) > 1 and self.posterior.scale >= scales[-1]
+        return float(self.posterior.scale / math.sqrt(self.fit.task.noise.inflation)) if is_largest else 0.0
+
     @cached_property
     def fold_prediction(self) -> FoldPrediction:
         """Prediction of every fold (group of samples left out together) from the data of the other folds, with all

@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy import search as module
-from rover_pin.discrepancy.conclude import left_out
+from rover_pin.discrepancy.conclude import left_out, noise_at_bound
 from rover_pin.discrepancy.search import Search, is_bent
 from rover_pin.discrepancy.signature import options, signatures, singles
 from rover_pin.estimation.columns import Columns
@@ -216,7 +216,11 @@ def test_a_residual_beyond_its_declared_noise_is_stated_by_channel(times):
     experiment = toys.made("pq", seed=4)
     louder = experiment.observed.copy()
     louder[:, 1] *= times
-    taken = toys.searched(replace(experiment, observed=louder), "pq").beliefs().noise_taken(())
+    beliefs = toys.searched(replace(experiment, observed=louder), "pq").beliefs()
+    taken = beliefs.noise_taken(())
+    bound = math.exp(3.0 * PRIORS["s"].sd) if times > 1.0 else 0.0
+    assert beliefs.best(()).noise_at_bound == pytest.approx(bound)
+    assert len(noise_at_bound(beliefs.best(()))) == (times > 1.0)
     assert taken["c0"] == pytest.approx(1.0, abs=0.4), "the fit also follows the louder channel"
     assert taken["c1"] == pytest.approx(times, rel=0.4), "large residuals count less than squared"
 
