@@ -108,6 +108,7 @@ def fields() -> Mapping[str, Any]:
         "mutation": kept("mutation").to_dict("records"),
         "next_run": next_runs(),
         "pendulum": pendulum(),
+        "benchmark_systems": rows_of_benchmarks(),
         "slip": sensed_slip(),
         "control": controllers(),
         "beliefs": beliefs(),
@@ -241,6 +242,12 @@ def pendulum() -> list[dict[str, Any]]:
         "intervals that hold the truth": laws["interval holds"].astype(str) == "True",
     }
     return [{"what": what, "count": int(rows.sum()), "whole": len(rows)} for what, rows in counts.items()]
+
+
+def rows_of_benchmarks() -> list[dict[str, Any]]:
+    """Return the sets of the benchmark systems, one row each; a set of full length has no unseen runs."""
+    rows = kept("benchmark_systems", keep_default_na=False).to_dict("records")
+    return [{key: "" if value == "nan" else value for key, value in row.items()} for row in rows]
 
 
 def speed() -> dict[str, dict[str, float]]:

@@ -163,6 +163,12 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
              "S = 1": "{F[2]:.3f}", "steepest slope, without and with R": "{slopes}"},
         ),
         "pendulum": table(of["pendulum"], {"Sets": "{what}", "Count": "{count} of {whole}"}),
+        "benchmark_systems": table(
+            of["benchmark_systems"],
+            {"System": "{system}", "Hidden": "{hidden}", "Samples": "{samples}", "Answer": "{answer}",
+             "Named": "{named}", "Largest probability of another cause": "{largest extra}",
+             "RMSE": "{RMSE unseen}", "RMSE of the plain fit": "{RMSE plain fit}", "CPU [s]": "{CPU [s]}"},
+        ),
         "mutation": table(
             of["mutation"],
             {"Room": "{room}", "Changes": "{changes}", "Tried": "{tried}", "Not detected": "{not noticed}"},
