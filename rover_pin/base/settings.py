@@ -14,6 +14,10 @@ from rover_pin.base.errors import ParameterError, UnknownNameError, closest, one
 from rover_pin.base.quantity import Quantity, Record, check, is_symbolic, parse_quantity, quantities, written_unit
 from rover_pin.base.units import factor_to
 
+NOT_THE_DEFAULT = "given or read from a file; default"
+"""Beginning of the source of a number that differs from the default of its record; the default and its source
+follow."""
+
 
 class Setting(NamedTuple):
     """One setting: its name, value, unit, bounds or choices, and the source of its default.
@@ -45,7 +49,7 @@ def numbers_of(record: Record) -> tuple[Setting, ...]:
     for name, spec in quantities(record).items():
         value, default = getattr(record, name), getattr(default_record, name)
         is_default = is_symbolic(value) or value == default
-        source = spec.source if is_default else f"given or read from a file; default {default:.6g}: {spec.source}"
+        source = spec.source if is_default else f"{NOT_THE_DEFAULT} {default:.6g}: {spec.source}"
         settings.append(Setting.of(name, value, spec._replace(source=source)))
     return tuple(settings)
 

@@ -13,15 +13,13 @@ from typing import Any, NamedTuple
 
 from rover_pin.base.errors import RoverPinError
 from rover_pin.base.files.whole_file import replace_file
-from rover_pin.base.settings import Setting
+from rover_pin.base.settings import NOT_THE_DEFAULT, Setting
 from rover_pin.experiments.soil_priors import MOTOR_SD, SD, UNDECLARED_DECAY_SD, UNDECLARED_RESISTANCE_SD
 
 FILE = "assumed.csv"
 """Name of the file with the assumptions in the results of a command."""
 OF_MODEL = ("soil.", "motor.", "effect.", "gravity", "buried")
 """Beginnings of the settings that a model file states. With a model file they are given, and not assumed."""
-AS_READ = "as given or read"
-"""Beginning of the source of a number that a record does not have by default (see `numbers_of`)."""
 DIFFERS = "differs between drives"
 """Value of an assumption that has another value in each drive of a study."""
 DERIVED = ("effect.MotionResistance.R", "duration")
@@ -202,6 +200,6 @@ def write_assumptions(assumptions: Sequence[Assumption], folder: Path) -> Path:
 
 def _source(setting: Setting) -> str:
     """Return the source of a setting's value. A value that the code derived is explained by its origin."""
-    if not setting.source.startswith(AS_READ):
+    if not setting.source.startswith(NOT_THE_DEFAULT):
         return setting.source
     return READ_FROM.get(setting.name) or READ_FROM.get(setting.name.partition(".")[0]) or setting.source

@@ -120,6 +120,13 @@ def test_only_the_numbers_with_a_known_spread_have_an_influence(run):
         assert bool(entry["influence"]) == bool(entry["sd"])
 
 
+def test_the_source_of_a_derived_number_names_its_origin():
+    """Such a number differs from the default of its record, although nobody gave it."""
+    sources = {entry.name: entry.source for entry in scenario("flat", rover="cart").assumptions}
+    assert "cruise_slip" in sources["effect.MotionResistance.R"]
+    assert not [name for name, source in sources.items() if name.startswith(("soil.", "motor.")) and "given" in source]
+
+
 def test_a_user_s_own_control_is_not_run_again(run):
     """Its code may have effects outside the drive, so that no drive is added to find influences."""
     Path("mine.py").write_text(
