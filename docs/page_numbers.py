@@ -246,7 +246,7 @@ def pendulum() -> list[dict[str, Any]]:
 
 def rows_of_benchmarks() -> list[dict[str, Any]]:
     """Return the sets of the benchmark systems, one row each; a set of full length has no unseen runs."""
-    rows = kept("benchmark_systems", keep_default_na=False).to_dict("records")
+    rows = kept("benchmark_systems", keep_default_na=False).rename(columns={"CPU [s]": "CPU"}).to_dict("records")
     return [{key: "" if value == "nan" else value for key, value in row.items()} for row in rows]
 
 

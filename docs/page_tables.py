@@ -167,7 +167,7 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
             of["benchmark_systems"],
             {"System": "{system}", "Hidden": "{hidden}", "Samples": "{samples}", "Answer": "{answer}",
              "Named": "{named}", "Largest probability of another cause": "{largest extra}",
-             "RMSE": "{RMSE unseen}", "RMSE of the plain fit": "{RMSE plain fit}", "CPU [s]": "{CPU [s]}"},
+             "RMSE": "{RMSE unseen}", "RMSE of the plain fit": "{RMSE plain fit}", "CPU [s]": "{CPU}"},
         ),
         "mutation": table(
             of["mutation"],
