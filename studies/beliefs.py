@@ -11,7 +11,10 @@ Method
     package's simulator. The belief of each row is made apart from the plant: k is wrong by a factor of 1.5 and phi by
     3 deg in both directions, R by 30 %, the torque constant by 10 %; a cable that pulls with 3 N is unknown; and the
     rover is on the Moon. Wrong numbers have the uncertainty of a soil that is known by its name (`BeliefSD`). In the
-    row "taken for certain" the belief has no uncertainty. The seeds were not used to choose anything.
+    row "taken for certain" the belief has no uncertainty. Nothing was chosen on these seeds. A first run on other seeds
+    (410001 and 420001) had a narrower belief about unknown sand: with the SD .08 of R and k = 12 mm it passed 17 and
+    buried 5 of 40 drives of the project's generator, and 19 and 4 of the other. The belief was then widened, on drives
+    of the seed 55001, and this study was run once on the present seeds.
 Result
     Passed and buried drives, of 20 drives of each generator: constant duty 17 / 3 and 14 / 2; with the plant's own
     numbers 16 / 0 and 11 / 0; knowing nothing about the sand 11 / 0 and 9 / 0. With the unsafe wrong soil (k / 1.5, phi
