@@ -213,7 +213,7 @@ def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None, course:
         block = blocks(row, run.period)
         observed.append(remove_level(name, np.where(use, block, np.nan), use))
     return LoggedRun(
-        Path(str(log.attrs.get("file", "run"))).stem,
+        run_name(log),
         run,
         tuple(features),
         np.array(observed),
@@ -255,6 +255,11 @@ def without_attitude(run: LoggedRun) -> LoggedRun:
     is_kept = np.array([name not in ATTITUDE for name in run.channels], dtype=bool)
     channels = tuple(name for name in run.channels if name not in ATTITUDE)
     return replace(run, channels=channels, observed=run.observed[is_kept])
+
+
+def run_name(log: Trace) -> str:
+    """Return the name of a run of a log: the name of its file without the ending."""
+    return Path(str(log.attrs.get("file", "run"))).stem
 
 
 def with_assumed_rates(log: Trace, rover: Rover) -> Trace:

@@ -27,6 +27,7 @@ from rover_pin.experiments.drive_log.calibrate import experiment_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import findings, too_poor
 from rover_pin.experiments.drive_log.experiment import experiment_of_log
+from rover_pin.experiments.drive_log.features import run_name
 from rover_pin.experiments.drive_log.free_runs import DriveExtra, cautions, free_runs
 from rover_pin.experiments.drive_log.ground_variability import ground_variability
 from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, with_spread, with_wheels
@@ -190,8 +191,8 @@ class DriveLogData(LoopData):
         experiment = experiment_of_log(after)
         free = free_runs(experiment, verdict.before.model, verdict.model)
         # A ground that was estimated, or assumed to be flat, is no declaration that the log could contradict.
-        declarations = zip(experiment.runs, self.log.runs, strict=True)
-        ground = ground_variability(after, {run.name for run, trace in declarations if self.log.is_estimated(trace)})
+        undeclared = {run_name(trace) for trace in self.log.runs if self.log.is_estimated(trace)}
+        ground = ground_variability(after, undeclared)
         odometry = odometry_baselines(experiment, rover)
         verdict = with_draft(verdict, lambda fitted: draft_term(fitted, residual, self.name, progress), seed)
         # The sentence of the verdict names a wheel by its number; a reader also needs the name.
