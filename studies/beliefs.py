@@ -210,7 +210,24 @@ def main() -> None:
         # The table is written after each row, so that an interrupted run leaves a table.
         columns = ["belief", "generator", "kind", "seed", "end_x", "passed", "buried"]
         plot.write_csv(pd.concat(tables)[columns], options.out / "beliefs.csv")
-    print(f"written: {options.out}/beliefs.csv")
+    print(f"written: {options.out}/beliefs.csv, {figure(pd.concat(tables), options.out)}")
+
+
+def figure(table: pd.DataFrame, out: Path) -> Path:
+    """Draw the share of passed and of buried drives of each row, one panel for each generator, and return the file."""
+    rows = list(dict.fromkeys(table.belief))
+    sheet, axes = plot.new_figure(1, 2, size=(10.0, 1.5 + 0.35 * len(rows)), sharey=True)
+    at = np.arange(len(rows))
+    for axis, (generator, drives) in zip(axes, table.groupby("generator"), strict=False):
+        shares = drives.groupby("belief")[["passed", "buried"]].mean().loc[rows] * 100.0
+        axis.barh(at - 0.2, shares.passed, 0.4, label="passed")
+        axis.barh(at + 0.2, shares.buried, 0.4, label="buried")
+        axis.set(xlim=(0.0, 100.0), xlabel="drives [%]", title=f"{generator} generator")
+    # The first row of the table is at the top; both panels share this axis.
+    axes[0].set(yticks=at, yticklabels=rows)
+    axes[0].invert_yaxis()
+    axes[-1].legend(loc="lower right")
+    return plot.save(sheet, out / "beliefs.png")
 
 
 def line(drives: pd.DataFrame) -> str:

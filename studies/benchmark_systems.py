@@ -39,6 +39,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from rover_pin import plot
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.estimation.parameter import bounds_of
 from rover_pin.loop.close import close_the_loop
@@ -142,7 +143,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="two systems with their hidden effect, on another seed")
     parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--out", type=Path, default=ROOT / "studies" / "results")
+    parser.add_argument("--out", type=Path, default=Path("out/benchmark_systems"))
     options = parser.parse_args()
     hidden = {system: row[1] for system, row in GENERATOR.SYSTEMS.items()}
     sets = [(system, law) for system, law in hidden.items()]
@@ -159,6 +160,27 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     with (options.out / "benchmark_systems.csv").open("w", newline="") as file:
         csv.writer(file).writerows([HEADER, *rows])
+    print(f"written: {options.out}/benchmark_systems.csv, {figure(rows, options.out)}")
+
+
+def figure(rows: list[list[str]], out: Path) -> Path:
+    """Draw the RMSE on unseen data over that of a plain fit that knows the law, for each set, and return the file.
+
+    A set whose hidden effect was named is blue, a set without a name grey.
+    """
+    table = [dict(zip(HEADER, row, strict=True)) for row in rows]
+    compared = [row for row in table if row["RMSE plain fit"]]
+    ratios = [float(row["RMSE unseen"]) / float(row["RMSE plain fit"]) for row in compared]
+    sheet, axis = plot.new_figure(1, 1, size=(7.5, 1.2 + 0.35 * len(compared)))
+    axis.barh(
+        [f"{row['system']}: {row['hidden']}, {row['samples']} samples" for row in compared],
+        ratios,
+        color=["tab:blue" if row["named"] else "tab:gray" for row in compared],
+    )
+    axis.axvline(1.0, color="black", lw=0.8)
+    axis.set(xlabel="RMSE on unseen data over that of a plain fit with the hidden law", xlim=(0.9, None))
+    axis.invert_yaxis()
+    return plot.save(sheet, out / "benchmark_systems.png")
 
 
 if __name__ == "__main__":
