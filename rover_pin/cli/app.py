@@ -198,7 +198,8 @@ def _drive_scenario(
         figures = plot.drive_figures(trace, chosen.model, out)
         result["files"] = list(map(str, [out / "log", *figures, *write_requested(chosen, trace, views, out)]))
     assumptions = weighed_by_drives(chosen, trace, name, settings)
-    report_assuming(result, assumptions, as_json, out, {"distance_m": "m"})
+    error = float(trace.attrs.get("step_error_m", 0.0))
+    report_assuming(result, assumptions, as_json, out, {"distance_m": "m"}, error)
     # The summary and the rows before the failure are printed first, and then the exit code reports the failure.
     if str(trace.attrs["stop"]).startswith("diverged"):
         raise typer.Exit(1)

@@ -28,6 +28,7 @@ def report_assuming(
     as_json: bool,
     out: Path | None = None,
     decisive: Mapping[str, str] = {},
+    error: float = 0.0,
 ) -> None:
     """Print the result of a command, and what the command assumed.
 
@@ -46,6 +47,8 @@ def report_assuming(
         Folder of the results, where assumed.csv is written. Without it, no file is written.
     decisive : mapping
         Result whose most decisive assumptions are printed -> unit of this result.
+    error : float
+        Numerical error of these results, in their unit. Smaller changes are not printed.
     """
     from rover_pin.scenarios.assumptions import most_decisive, write_assumptions
 
@@ -55,7 +58,7 @@ def report_assuming(
         return
     where = f", listed in {files[0]}" if files else "; --json lists them"
     lines = {"not given": f"{len(assumptions)} numbers and choices are assumed{where}"} if assumptions else {}
-    sentences = [line for name, unit in decisive.items() for line in most_decisive(assumptions, name, unit)]
+    sentences = [line for name, unit in decisive.items() for line in most_decisive(assumptions, name, unit, error)]
     report({**result, **lines, **({"most decisive": sentences} if sentences else {})}, as_json)
 
 

@@ -161,7 +161,9 @@ def shared_by(drives: Iterable[Sequence[Assumption]]) -> tuple[Assumption, ...]:
     return tuple(shared)
 
 
-def most_decisive(assumptions: Sequence[Assumption], result: str, unit: str, count: int = 3) -> list[str]:
+def most_decisive(
+    assumptions: Sequence[Assumption], result: str, unit: str, error: float = 0.0, count: int = 3
+) -> list[str]:
     """Return one sentence for each of the assumptions that change a result most, the largest change first.
 
     Parameters
@@ -170,11 +172,14 @@ def most_decisive(assumptions: Sequence[Assumption], result: str, unit: str, cou
         Assumptions with their influence, from `with_influence`.
     result, unit : str
         Name of the result, such as distance_m, and its unit.
+    error : float
+        Numerical error of the result, in its unit. A change that is not larger may be an error of the computation, and
+        is left out.
     count : int
         Maximum number of sentences.
     """
     words = (result.removesuffix(f"_{unit}") if unit else result).replace("_", " ")
-    weighed = [entry for entry in assumptions if entry.sd and entry.influence.get(result)]
+    weighed = [entry for entry in assumptions if entry.sd and abs(entry.influence.get(result, 0.0)) > error]
     ordered = sorted(weighed, key=lambda entry: -abs(entry.influence[result]))
     return [
         f"{entry.name} = {entry.value:.4g} {entry.unit} +- {entry.sd:.2g}".replace("  ", " ")

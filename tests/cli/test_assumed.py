@@ -8,6 +8,7 @@ import pytest
 
 from rover_pin import scenario
 from rover_pin.base.quantity import quantities
+from rover_pin.scenarios.assumptions import Assumption, most_decisive
 from rover_pin.sweep import read_study
 from rover_pin.sweep.case import scenario_of
 
@@ -113,6 +114,17 @@ def test_the_influence_is_the_change_by_one_standard_deviation(run):
         rows = list(csv.DictReader(file))
     assert [row["name"] for row in rows] == list(listed)
     assert abs(float(rows[0]["change_of_distance_m"])) == pytest.approx(sizes[0])
+
+
+def test_a_change_within_the_step_error_is_not_printed():
+    """A controller that estimates the slip with particles can amplify rounding; such changes say nothing."""
+    entries = [
+        Assumption(name, 1.0, "", 0.1, "assumed", {"distance_m": change})
+        for name, change in (("a", 0.02), ("b", -0.05), ("c", 0.0))
+    ]
+    printed = [sentence.split(" = ")[0] for sentence in most_decisive(entries, "distance_m", "m", 0.03)]
+    assert printed == ["b"]
+    assert [sentence.split(" = ")[0] for sentence in most_decisive(entries, "distance_m", "m")] == ["b", "a"]
 
 
 def test_only_the_numbers_with_a_known_spread_have_an_influence(run):
