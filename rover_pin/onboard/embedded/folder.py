@@ -17,10 +17,11 @@ from rover_pin.simulation.model.model import Model
 
 VECTORS = 400
 """Number of test vectors in an exported folder, one for each sample; 400 samples are 20 s."""
-TOLERANCE, TOLERANCE_ON_BOARD = 1e-12, 1e-11
+TOLERANCE, TOLERANCE_ON_BOARD = 1e-12, 1e-6
 """Maximum difference between the results of the C code and the test vectors in double precision, for a control without
 and with an on-board slip estimate. With a larger difference, the test fails. The second number is larger, because the
-exponential functions of two C libraries differ in the last digit."""
+exponential functions of two C libraries differ in the last digit, and the particles of the estimate amplify this
+difference: with the belief about unknown sand, a change of the pitch by 1e-16 changes duties by 2e-8."""
 MONITOR_COLUMNS = ("p_stuck", "p_buried", "alarm", "cause")
 """Names of the columns in the test vectors that contain the forecasts of the monitor."""
 CMAKE = """cmake_minimum_required(VERSION 3.13)

@@ -183,7 +183,8 @@ def test_ros2_controller_gives_the_package_s_duties(control, tmp_path):
     assert names.split()[:2] == ["wheel_fl/velocity", "wheel_fr/velocity"]
     assert names.split()[-6:] == [f"wheel_{wheel}/duty" for wheel in ("fl", "fr", "ml", "mr", "rl", "rr")]
     # Roll and pitch pass through a quaternion, and the weights of the particles amplify its rounding.
-    np.testing.assert_allclose([[float(word) for word in line.split()] for line in lines], expected, rtol=0, atol=1e-7)
+    limit = TOLERANCE_ON_BOARD if control == "onboard" else 1e-9
+    np.testing.assert_allclose([[float(word) for word in line.split()] for line in lines], expected, rtol=0, atol=limit)
 
 
 def test_a_control_that_is_given_the_slip_has_no_ros2_package(tmp_path):
