@@ -235,9 +235,10 @@ def pendulum() -> list[dict[str, Any]]:
     hides = table.hidden != "none"
     laws, nulls = table[hides & table.detectable], table[~hides]
     right = laws.named == laws.hidden
+    stated = laws.apply(lambda row: row["hidden"] in row["set"].split(" or "), axis=1)
     counts = {
         "a detectable law, named alone": right & (laws.answer == "named"),
-        "a detectable law, in a stated set": right & (laws.answer == "set"),
+        "a detectable law, in a stated set": (laws.answer == "set") & stated,
         "nothing hidden, something named": nulls.named != "",
         "intervals that hold the truth": laws["interval holds"].astype(str) == "True",
     }
