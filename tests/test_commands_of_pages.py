@@ -112,6 +112,7 @@ ELSEWHERE = {
     ".ci/versions locked": "a job that downloads other packages",
     ".ci/versions lowest": "the same",
     ".ci/versions newest": "the same, every month",
+    ".ci/versions pages": "the same, every month",
     "python .ci/lock.py > constraints.txt": "by hand, if the versions change",
     "python docs/keep_numbers.py": "by hand; `test_a_command_prints_what_is_kept` compares what it keeps",
     "python docs/keep_times.py": "by hand: times",
@@ -126,7 +127,7 @@ ELSEWHERE = {
 INSTALLS = subprocess.run(
     [sys.executable, ".ci/printed.py", "installs"], cwd=ROOT, capture_output=True, text=True, check=True
 ).stdout.splitlines()
-"""Every other `pip install` of the pages; `.ci/run` runs all of them."""
+"""Every other `pip install` of the pages; `.ci/versions pages` runs all of them."""
 
 
 def lines():
