@@ -39,10 +39,11 @@ class Setting(NamedTuple):
         return cls(name, value, spec.unit, spec.low, spec.high, spec.source)
 
 
-def numbers_of(record: Record) -> tuple[Setting, ...]:
+def numbers_of(record: Record, owner: str = "") -> tuple[Setting, ...]:
     """Return a setting for each quantity of a record. The value of the setting is the value in the record.
 
-    If the value differs from the default of the record's class, the setting's source also states this default.
+    The setting has the name of the quantity, such as `phi`, or `owner.phi` if an owner is given. If the value differs
+    from the default of the record's class, the setting's source also states this default.
     """
     default_record = type(record)()
     settings = []
@@ -50,7 +51,7 @@ def numbers_of(record: Record) -> tuple[Setting, ...]:
         value, default = getattr(record, name), getattr(default_record, name)
         is_default = is_symbolic(value) or value == default
         source = spec.source if is_default else f"{NOT_THE_DEFAULT} {default:.6g}: {spec.source}"
-        settings.append(Setting.of(name, value, spec._replace(source=source)))
+        settings.append(Setting.of(f"{owner}.{name}" if owner else name, value, spec._replace(source=source)))
     return tuple(settings)
 
 
@@ -120,7 +121,7 @@ class Settings:
         Raises ParameterError: a value is not a number, has a unit of another kind of quantity, or is out of bounds.
         """
         base = record if isinstance(record, Record) else record()
-        return self._given_values(setting._replace(name=f"{prefix}.{setting.name}") for setting in numbers_of(base))
+        return self._given_values(numbers_of(base, prefix))
 
     def arguments(
         self, prefix: str, function: Callable[..., Any], overrides: Mapping[str, Any] = {}, names: Iterable[str] = ()

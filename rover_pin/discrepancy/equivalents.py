@@ -15,7 +15,7 @@ import numpy as np
 from rover_pin.discrepancy.signature import Option
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import Noise
-from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.parameter import Parameter, posterior_covariance
 from rover_pin.estimation.profile import CLEAR_SDS, MAJORITY
 from rover_pin.estimation.random_effects.random_field import random_effects_filter
 from rover_pin.estimation.wording import MAX_LISTED, format_value
@@ -108,14 +108,14 @@ def equivalents(fitted: Fit, options: Sequence[Option], named: Sequence[str] = (
         if option.candidate.released or option.candidate.name in named or option.size.parameters[0].log:
             continue
         number, column = option.size.parameters[0], option.signature.column
-        covariance = _covariance(np.vstack([columns, noise.white(column)]), noise)
+        covariance = posterior_covariance(np.vstack([columns, noise.white(column)]), noise.inflation)
         sd, ratio = float(np.sqrt(covariance[-1, -1])), CLEAR_SDS * SIZE_SD
-        known = _covariance(np.vstack([exact_columns[is_known], exact.white(column)]), exact)
+        known = posterior_covariance(np.vstack([exact_columns[is_known], exact.white(column)]), exact.inflation)
         sd_if_known = float(np.sqrt(known[-1, -1]))
         if not (np.isfinite(sd) and ratio * sd > 1.0 >= ratio * sd_if_known):
             continue
         # The error of an input imitates the effect by the part of the SD that vanishes if this input alone is exact.
-        if_exact = _covariance(np.vstack([exact_columns, exact.white(column)]), exact)
+        if_exact = posterior_covariance(np.vstack([exact_columns, exact.white(column)]), exact.inflation)
         inputs = _imitating_inputs(noise, 1.0 - float(if_exact[-1, -1]) / sd**2)
         size = CLEAR_SDS * sd
         rows.append(
@@ -133,14 +133,6 @@ def equivalents(fitted: Fit, options: Sequence[Option], named: Sequence[str] = (
             )
         )
     return tuple(row for _, row in sorted(rows, key=lambda pair: -pair[0]))
-
-
-def _covariance(columns: np.ndarray, noise: Noise) -> np.ndarray:
-    """Return the posterior covariance of parameters with the prior N(0, 1), from their whitened columns (parameters,
-    n).
-    """
-    filled = np.nan_to_num(columns)
-    return np.asarray(np.linalg.inv(np.eye(len(filled)) + filled @ filled.T / noise.inflation))
 
 
 def _without_known_errors(noise: Noise) -> Noise:

@@ -151,3 +151,20 @@ def prior_curvature(parameters: Sequence[Parameter]) -> np.ndarray:
     normal matrix invertible.
     """
     return np.diag([1.0 if parameter.prior else 1e-9 for parameter in parameters])
+
+
+def posterior_covariance(columns: np.ndarray, inflation: float = 1.0) -> np.ndarray:
+    """Return the posterior covariance (parameters, parameters) of parameters with independent priors N(0, 1).
+
+    It is (I + A A' / c)^-1 with the whitened derivatives A of the residuals by the parameters, and the inflation c of
+    the noise.
+
+    Parameters
+    ----------
+    columns : array (parameters, n)
+        The derivatives A; a NaN counts as 0.
+    inflation : float
+        Factor c on the variance of the noise.
+    """
+    filled = np.nan_to_num(columns)
+    return np.asarray(np.linalg.inv(np.eye(len(filled)) + filled @ filled.T / inflation))

@@ -36,6 +36,7 @@ def curve(
     from rover_pin.parameters import soil_named
     from rover_pin.scenarios.assumptions import assumptions_of, with_influence
     from rover_pin.soil.curves import traction_curves
+    from rover_pin.soil.wheel_forces import load_traction_factor
 
     # The same number may be given by its own option and by --set; two different values would hide one of them.
     base = soil_named(soil or "table-1")
@@ -58,22 +59,18 @@ def curve(
     stated = {f"soil.{name}" for name in changes} | {f"wheel.{name}" for name in sizes}
     stated |= {f"soil.{name}" for name, option in (("k", k), ("n", n)) if option}
     chosen, wheel = base.replace(**changes), Wheel().replace(**sizes)
-    numbers = [
-        number._replace(name=f"{owner}.{number.name}")
-        for owner, record in (("soil", chosen), ("wheel", wheel))
-        for number in numbers_of(record)
-    ]
+    # The first curve is the reference: its k, and the exponent that --n states.
+    chosen = chosen.replace(k=lengths[0] if lengths else chosen.k, n=chosen.n if exponent is None else exponent)
 
     def torque_factor(changed: Mapping[str, float]) -> dict[str, float]:
         parts: dict[str, dict[str, float]] = {"soil": {}, "wheel": {}}
         for name, value in changed.items():
             owner, _, number = name.partition(".")
             parts[owner][number] = value
-        varied = traction_curves(
-            chosen.replace(**parts["soil"]), lengths[:1], exponent, wheel.replace(**parts["wheel"])
-        )
-        return {"F_torque_at_S_0.2": float(next(c for (form, _), c in varied.curves.items() if form == "torque")[20])}
+        varied = chosen.replace(**parts["soil"]), wheel.replace(**parts["wheel"])
+        return {"F_torque_at_S_0.2": float(load_traction_factor(0.2, *varied, "torque"))}
 
+    numbers = (*numbers_of(chosen, "soil"), *numbers_of(wheel, "wheel"))
     assumptions = with_influence(assumptions_of(numbers, stated), torque_factor)
     result = {"soil": soil or "table-1", **rows, "files": [str(file) for file in files]}
     report_assuming(result, assumptions, as_json, out, {"F_torque_at_S_0.2": ""})

@@ -29,7 +29,7 @@ def watch(
 
     from rover_pin import plot
     from rover_pin.base.files.paths import data_path
-    from rover_pin.base.settings import numbers_of
+    from rover_pin.base.settings import Setting, numbers_of
     from rover_pin.effects.motion_resistance import MotionResistance
     from rover_pin.experiments.drive_log.model import base_model, has_current_scale, undeclared_constants
     from rover_pin.logs.drive_log import read_drive_log
@@ -75,15 +75,12 @@ def watch(
         for title, values in undeclared_constants(drive_log, {} if model is not None else records).items()
     ]
     assumed = [*undeclared, *readings.assumed]
-    declared = drive_log.metadata
-    stated = {"soil": declared.soil, "motor": declared.motor, "effect.MotionResistance": declared.resistance}
-    numbers = [
-        number._replace(name=f"{owner}.{number.name}")
-        for owner, record in zip(stated, records.values(), strict=True)
-        for number in numbers_of(record)
-    ]
-    # A model file states all numbers; a log states those of its tables.
-    given = {f"{owner}.{name}" for owner, table in stated.items() for name in table} | ({"model"} if model else set())
+    # All numbers of these records are assumed, except those that the log states in its tables, or a model file.
+    numbers, given = list[Setting](), {"model"} if model is not None else set[str]()
+    for title, record in records.items():
+        owner = "effect.MotionResistance" if title == "resistance" else title
+        numbers += numbers_of(record, owner)
+        given |= {f"{owner}.{name}" for name in getattr(drive_log.metadata, title)}
     result: dict[str, Any] = {"run": trace.attrs["file"], "watched_s": float(readings.t[-1] - readings.t[0])}
     result |= {"alarms": lines, "assumed": assumed, "files": [str(table), str(figure)]}
     report_assuming(result, assumptions_of(numbers, given), as_json, out)

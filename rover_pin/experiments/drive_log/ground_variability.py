@@ -9,6 +9,7 @@ import numpy as np
 
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import LEARNT_NOISE_INFLATION
+from rover_pin.estimation.parameter import posterior_covariance
 from rover_pin.estimation.profile import MAJORITY
 from rover_pin.estimation.random_effects.random_field import LearntSd, expected_draws, scales
 from rover_pin.estimation.wording import format_value
@@ -153,8 +154,8 @@ def ground_variability(fitted: Fit, undeclared: Collection[str] = ()) -> GroundV
 def _estimate_sd(fitted: Fit) -> float | None:
     """Return the RMS posterior SD of the slope along the paths over estimated ground [rad]; None if no run has one.
 
-    The error of the ground, the other random effects and the parameters are uncertain together: with their whitened
-    columns A, scaled to prior SDs of 1, the posterior covariance of all of them is (I + A'A)^-1.
+    The error of the ground, the other random effects and the parameters are uncertain together, so that the covariance
+    is that of all of them (`posterior_covariance`).
     """
     noise, runs = fitted.task.noise, experiment_of_log(fitted).runs
     if noise.random_effects is None or all(run.ground is None for run in runs):
@@ -163,7 +164,7 @@ def _estimate_sd(fitted: Fit) -> float | None:
     plain = dataclasses.replace(noise, random_effects=None)
     numbers = plain.white(np.array([fitted.slopes[parameter.name] for parameter in fitted.parameters]))
     columns = np.concatenate([scales(field, learnt)[:, None] * plain.white(field.moved), numbers])
-    covariance = np.linalg.inv(np.eye(len(columns)) + columns @ columns.T)
+    covariance = posterior_covariance(columns)
     # The columns of one ground follow each other in the order of its shapes, and grounds in the order of their runs.
     is_error = np.flatnonzero(field.kind == field.kinds.index(GROUND_ERROR[0]))
     variances, first = [], 0

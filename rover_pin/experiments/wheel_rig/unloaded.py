@@ -108,19 +108,12 @@ class UnloadedReadings(Experiment):
         """Return the predicted readings (models, folds, channels, 1): the zero error of each channel, and 0 in the
         cells of other channels.
         """
-        return np.array(
-            [
-                np.nan_to_num(
-                    self._table(
-                        [
-                            float(getattr(model.of(data.name).errors, OFFSET_AND_SCALE[type(channel)][0]))
-                            for data, channel in self.readings
-                        ]
-                    )
-                )
-                for model in models
-            ]
-        )
+        tables = []
+        for model in models:
+            errors = ((model.of(data.name).errors, type(channel)) for data, channel in self.readings)
+            zeros = [float(getattr(of_set, OFFSET_AND_SCALE[kind][0])) for of_set, kind in errors]
+            tables.append(np.nan_to_num(self._table(zeros)))
+        return np.array(tables)
 
     def records(self, model: RigModel | JointModel) -> Mapping[str, Any]:
         """Return the parts of a model that have numbers to fit, as for the runs of the rigs."""

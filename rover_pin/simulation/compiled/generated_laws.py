@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+import casadi as ca
+
 from rover_pin.base.quantity import quantities
 from rover_pin.simulation.compiled import laws
 from rover_pin.simulation.compiled.body_law import body_law
@@ -73,21 +75,41 @@ class LawsSource(NamedTuple):
     "sizes of the integer and of the real work space that the functions need"
 
 
+class LawFunctions(NamedTuple):
+    """The laws of a model's effects as CasADi functions. C code for numbers and C code for dual numbers are generated
+    from them.
+    """
+
+    before: ca.Function
+    """part of the contact law that depends only on wheel, soil and parameters; it is computed before the drive"""
+    during: ca.Function
+    """rest of the contact law"""
+    motor: ca.Function
+    """law of the motors"""
+    body: tuple[ca.Function, ...]
+    """law of the effects on the body; empty if the model has no such effects"""
+
+
+def law_functions(structure: Structure) -> LawFunctions:
+    """Return the laws of a structure of effects as CasADi functions."""
+    before, during = split_law(laws.contact_law(structure.contact), len(laws.GEOMETRY))
+    motor = laws.motor_law(structure.motor, structure.motor_effects)
+    if not structure.body_effects:
+        return LawFunctions(before, during, motor, ())
+    assert structure.joints is not None
+    return LawFunctions(before, during, motor, (body_law(structure.body_effects, structure.joints),))
+
+
 @lru_cache(maxsize=64)
 def laws_source(structure: Structure) -> LawsSource:
     """Return the generated C code of the laws for a structure of effects. All numbers of the effects are parameters of
     the code, so that a change of a number needs no new code.
     """
-    # The part of the contact law that depends only on wheel, soil and parameters is computed before the drive.
-    before, during = split_law(laws.contact_law(structure.contact), len(laws.GEOMETRY))
-    motor = laws.motor_law(structure.motor, structure.motor_effects)
-    scalar = [before]
-    if structure.body_effects:
-        assert structure.joints is not None
-        scalar.append(body_law(structure.body_effects, structure.joints))
+    before, during, motor, body = law_functions(structure)
+    scalar = (before, *body)
     # Contact and motor laws run over SIMD lanes; the motor's parameters (input 2) are the same in all lanes.
     over_lanes = lanes.header() + lanes.c_source(during) + lanes.c_source(motor, shared=[2]) + LANE_COUNT_SOURCE
-    names = ("contact_law_before", "contact_law_during", "motor_law", *(f.name() for f in scalar[1:]))
+    names = ("contact_law_before", "contact_law_during", "motor_law", *(f.name() for f in body))
     work = max(f.sz_iw() for f in scalar), max(f.sz_w() for f in scalar)
     return LawsSource(laws.generated_source(*scalar) + over_lanes, names, before.numel_out(0), work)
 
