@@ -60,7 +60,8 @@ def effective_track(rover: Rover, resistance: float = 0.0) -> float:
     """Return the effective track B' [m] of a rover that turns by different speeds of its two sides (skid steering).
 
     A skid-steered rover yaws more slowly than its wheel speeds and its track B suggest, because its wheels are dragged
-    sideways. B' is the track of a rover without slip that would yaw at the same rate with the same wheel speeds.
+    sideways. A rover without slip and with the track B' would yaw at the same rate if its wheels had the same
+    speeds.
 
     At the yaw rate Omega, a wheel at the distance x ahead of the middle of the axles slides sideways with the speed
     Omega x and along its heading with the speed Omega s, where s is the unknown. All wheels carry equal loads. Friction

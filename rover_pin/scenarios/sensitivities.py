@@ -188,7 +188,7 @@ def tangent_slopes(
     numbers: Mapping[str, tuple[float, str]],
     changed: Callable[[str, float], Scenario],
 ) -> dict[str, Slope]:
-    """Return the tangents of a drive by those of some numbers by which it has one.
+    """Return the derivatives of a drive by some numbers as tangents. Numbers without a tangent are missing.
 
     Parameters
     ----------

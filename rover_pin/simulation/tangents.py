@@ -1,9 +1,9 @@
 """Exact derivatives of a whole drive by several numbers: the drive is computed once more with dual numbers, which carry
 the derivatives through every step, the laws of soil and motors, and the control law.
 
-The C code is that of the drive itself, translated to dual numbers (`native/dual.py`). What the drive starts from (the
-numbers of the model, the state at rest, the control law) is computed in Python; its derivatives are differences of
-these inputs, not of drives.
+The C code of the drive itself is translated to dual numbers (`native/dual.py`). The inputs of the drive (numbers of the
+model, state at rest, control law) are computed in Python, and their derivatives are differences of inputs, not of
+drives.
 """
 
 from __future__ import annotations
@@ -17,11 +17,8 @@ import casadi as ca
 import numpy as np
 
 from rover_pin.base.errors import ParameterError
-from rover_pin.simulation.compiled import laws
-from rover_pin.simulation.compiled.body_law import body_law
-from rover_pin.simulation.compiled.generated_laws import Structure, structure_of
+from rover_pin.simulation.compiled.generated_laws import Structure, law_functions, structure_of
 from rover_pin.simulation.compiled.kernel import Kernel, step_layout
-from rover_pin.simulation.compiled.laws import split_law
 from rover_pin.simulation.compiled.toolchain import shared_library
 from rover_pin.simulation.driving import RunningDrive, loop_of
 from rover_pin.simulation.native import lanes, step_source
@@ -268,15 +265,10 @@ def dual_library() -> ctypes.CDLL:
 @lru_cache(maxsize=16)
 def dual_laws(structure: Structure) -> DualFunctions:
     """Return the laws of a structure of effects with dual numbers."""
-    before, during = split_law(laws.contact_law(structure.contact), len(laws.GEOMETRY))
-    motor = laws.motor_law(structure.motor, structure.motor_effects)
-    scalar = [before]
-    if structure.body_effects:
-        assert structure.joints is not None
-        scalar.append(body_law(structure.body_effects, structure.joints))
-    names = (f"{before.name()}_scalar", during.name(), motor.name(), *(f"{f.name()}_scalar" for f in scalar[1:]))
+    before, during, motor, body = law_functions(structure)
+    names = (f"{before.name()}_scalar", during.name(), motor.name(), *(f"{f.name()}_scalar" for f in body))
     return DualFunctions(
-        shared_library(_dual_functions([during, motor], scalar), "dual_laws", OPTIONS),
+        shared_library(_dual_functions([during, motor], [before, *body]), "dual_laws", OPTIONS),
         names,
         ("contact_before", "contact_law", "motor_law", "body_law")[: len(names)],
     )

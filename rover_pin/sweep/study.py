@@ -171,7 +171,7 @@ class Study:
 
         Each dimension is a group of parameters that change together: paired parameters, or a single parameter.
         """
-        # A group stands in the order where its first parameter stands.
+        # The groups are in the order of their first parameters.
         partners = {name: names for names in self.paired for name in names}
         ordered = dict.fromkeys(partners.get(name, (name,)) for name in self.parameters)
         return [{name: self.parameters[name] for name in names} for names in ordered]

@@ -29,7 +29,7 @@ MINIMAL = {
     "export-fmu": ["export-fmu", "flat"],
     "export-mjcf": ["export-mjcf", "flat"],
 }
-"""Command -> its words with as little input as it accepts."""
+"""Name of a command -> its command line with the minimal input."""
 
 
 def numbers_in(model):

@@ -35,7 +35,7 @@ def strange(source, folder):
 
 
 def closed(hidden, folder):
-    """What the loop says of an imported log in which an effect, or nothing, was hidden."""
+    """Return the verdict of the loop on an imported log. `hidden` is the hidden effect in words, or "nothing"."""
     (folder / "recordings").mkdir()
     write(folder / "drive", hidden, 0)
     import_log(strange(folder / "drive", folder / "recordings"), "nexus6", folder / "log")

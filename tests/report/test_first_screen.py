@@ -59,7 +59,7 @@ def test_rig_sentence_states_error_reduction_and_reason(rig):
 
 
 def test_the_full_answer_states_cause_size_and_confidence(verdict):
-    """Numbers, units and intervals are those of the fit, and the probability is that of the beliefs."""
+    """The answer has the numbers, units and intervals of the fit, and the probability from the beliefs."""
     said = full_answer(dataclasses.replace(verdict, beyond_noise={}), labels_of(verdict))
     assert said.startswith(capital(f"{meaning_of(SupplySag)} ({title_of(SupplySag)}): R_b = "))
     for number in (number for number in verdict.after.numbers if number.name.startswith("SupplySag.")):

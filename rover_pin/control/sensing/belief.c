@@ -1,8 +1,9 @@
 /* The particle filter of the on-board slip estimate: `rover_pin_sense` takes in one sample of the sensors.
 
    Each particle has a mode (moving or stalled), a forward speed of the base, and for each wheel a slip and the depth of
-   its hole. The particles are in blocks of equal size, and each block assumes another soil. A sample moves the particles on by one period and weighs them by the readings. The class OnboardSlip in
-   onboard_slip.py describes the model, laws.py the densities, and belief.py the fields of the struct Belief. */
+   its hole. The particles are in blocks of equal size, and each block assumes another soil. A sample moves the particles
+   on by one period and weighs them by the readings. The class OnboardSlip in onboard_slip.py describes the model, laws.py
+   the densities, and belief.py the fields of the struct Belief. */
 #include <math.h>
 #include <string.h>
 

@@ -242,7 +242,7 @@ def embed(controller: Controller, model: Model) -> EmbeddedControl:
             "With control = true, your program gives the slip with each reading."
         )
     on_board = control.estimate if isinstance(control.estimate, OnboardSlip) else None
-    # The monitor assumes the same soil as the slip estimate, not that of the simulated rover.
+    # The monitor believes in the soil of the slip estimate. The soil of the simulated rover is unknown on board.
     believed = on_board.believed.model if on_board and on_board.believed else model
     return EmbeddedControl(control, model.rover, stop, Monitor.of(believed, on_board) if on_board else None)
 

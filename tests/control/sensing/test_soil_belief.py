@@ -25,7 +25,7 @@ def believed(control="onboard", **settings):
 
 @pytest.mark.parametrize("control", ["onboard", "camera"])
 def test_a_controller_knows_nothing_of_the_plant_s_soil(control):
-    """Two plants on different sands, with an effect that nobody told the controller: one and the same belief."""
+    """The controllers of two plants have equal beliefs, although the sands differ and one plant has an effect more."""
     first, _ = believed(control, **{"soil.k": 0.003, "add": "DiggingMemory.c_d=0.1"})
     second, _ = believed(control, **{"soil.k": 0.04, "soil.phi_deg": 25.0, "effect.MotionResistance.R": 0.3})
     assert first.sd == second.sd != CERTAIN
