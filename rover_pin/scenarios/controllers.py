@@ -161,7 +161,8 @@ def _belief(request: Settings, model: Model, trust: Trust) -> ControllerBelief:
         belief = ControllerBelief.of_plant(model)
     elif word == UNKNOWN:
         belief = ControllerBelief.unknown_sand(model)
-    elif is_file(Path(word)) or is_folder(Path(word)):
+    elif Path(word).suffix == ".toml" or is_file(Path(word)) or is_folder(Path(word)):
+        # A name with the ending .toml is meant as a file, so that a missing file is reported as such.
         belief = ControllerBelief.of_models([_read_believed(file, model, trust) for file in models_of(word)], word)
     else:
         belief = ControllerBelief.of_soil(model, one_of("control.believes", word, belief_words()))

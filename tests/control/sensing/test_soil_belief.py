@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rover_pin import ConstantDuty, scenario, simulate
-from rover_pin.base.errors import ParameterError
+from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.control.sensing.onboard_slip import SLIPS, OnboardSlip
 from rover_pin.control.sensing.soil_belief import CERTAIN, BeliefSD, ControllerBelief, SoilHypotheses
@@ -59,6 +59,8 @@ def test_a_number_of_the_belief_can_be_set():
     assert belief.sd == BeliefSD(k=0.25)
     with pytest.raises(ParameterError, match=r"control\.believes = 'tabl-1'.*table-1"):
         believed(**{"control.believes": "tabl-1"})
+    with pytest.raises(DataError, match=r"nofile\.toml"):
+        believed(**{"control.believes": "nofile.toml"})
 
 
 def test_a_folder_of_models_is_a_belief_with_their_scatter(tmp_path):
@@ -77,7 +79,7 @@ def test_a_folder_of_models_is_a_belief_with_their_scatter(tmp_path):
 
 
 def test_a_rig_s_model_is_a_belief_about_the_soil(tmp_path):
-    """The wheel rig tells the soil and its law, and the rover that drives brings wheels, motors and gravity."""
+    """Soil and traction law come from the model of the rig; wheels, motors and gravity come from the rover."""
     soil = Soil(k=0.013)
     rig = RigModel(Wheel(), soil, (SoilTraction(),))
     belief, drive = believed(**{"control.believes": str(write_rig_model(rig, tmp_path / "rig.toml"))})
